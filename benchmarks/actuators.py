@@ -32,8 +32,8 @@ from anhyst_rigs.study.piezo import make_reference, measure_stage_loops, simulat
 from compiled import ported_costs
 from rows import ROOT, Row, measurements
 
-REACH_M = 0.3e-6
-AUTHORS = "authors 0.58"
+TARGET_M = 0.3e-6
+AUTHORS_TEXT = "authors 0.58"
 SWITCH_ON_SAMPLES = 100
 """Number of samples at the beginning of the real record in which the amplifier is switched on."""
 
@@ -50,18 +50,18 @@ def real_piezo(folder: Path) -> list[Row]:
         history="conditioned:0",
     )
     record = loops.loops[0]
-    half = record.n // 2
-    ends = {"first half fitted": (slice(0, half), slice(half, None)),
-            "second half fitted": (slice(half, None), slice(SWITCH_ON_SAMPLES, half))}  # fmt: skip
+    half_count = record.n // 2
+    half_ranges = {"first half fitted": (slice(0, half_count), slice(half_count, None)),
+            "second half fitted": (slice(half_count, None), slice(SWITCH_ON_SAMPLES, half_count))}  # fmt: skip
     rows = []
-    for name, (fitted, other_half) in ends.items():
+    for name, (fitted_range, other_half) in half_ranges.items():
         fitted_half = _record_part(
-            record, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0"
+            record, fitted_range, "conditioned:0" if fitted_range.start == 0 else "conditioned:0,3.6,0"
         )
         inverses = {
             "play cells": _play_cells(loops, fitted_half),
             "best single-valued curve": _single_valued(fitted_half),
-            "classic Prandtl-Ishlinskii": _classic(fitted_half),
+            "classic Prandtl-Ishlinskii": _prandtl_ishlinskii(fitted_half),
         }
         slope = np.ptp(fitted_half.output[SWITCH_ON_SAMPLES:]) / np.ptp(fitted_half.input)
         errors = {
@@ -73,24 +73,24 @@ def real_piezo(folder: Path) -> list[Row]:
             Row(
                 f"piezo in a flexure, {name}, other half inverted: rms voltage error as displacement",
                 "<= 0.3 um of 45",
-                f"{1e6 * errors['play cells']:.3f} um; {other_errors}, {AUTHORS}",
-                bool(errors["play cells"] <= REACH_M),
+                f"{1e6 * errors['play cells']:.3f} um; {other_errors}, {AUTHORS_TEXT}",
+                bool(errors["play cells"] <= TARGET_M),
             )
         )
     return rows
 
 
-def _record_part(whole: Loop, part: slice, history: str) -> Loop:
-    assert whole.time is not None
-    return Loop("1", whole.input[part], whole.output[part], None, whole.time[part],
-                History.parse(history))  # fmt: skip
+def _record_part(full_record: Loop, sample_range: slice, history: str) -> Loop:
+    assert full_record.time is not None
+    return Loop("1", full_record.input[sample_range], full_record.output[sample_range], None,
+                full_record.time[sample_range], History.parse(history))  # fmt: skip
 
 
 def _play_cells(loops: Loops, fitted_half: Loop) -> Inverse:
     model = identify(loops.with_loops([fitted_half])).model
 
-    def inverse(whole: Loop) -> FloatArray:
-        return model.invert(whole.output, None, whole.time, "conditioned:0").drive
+    def inverse(full_record: Loop) -> FloatArray:
+        return model.invert(full_record.output, None, full_record.time, "conditioned:0").drive
 
     return inverse
 
@@ -102,25 +102,29 @@ def _single_valued(fitted_half: Loop) -> Inverse:
     return lambda whole: np.asarray(curve(whole.output))
 
 
-def _classic(fitted_half: Loop) -> Inverse:
+def _prandtl_ishlinskii(fitted_half: Loop) -> Inverse:
     """Return the inverse of weighted play operators in closed form (Prandtl-Ishlinskii)."""
     thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(fitted_half.input)])
-    places = move_plays(fitted_half.input[None], thresholds, np.zeros((1, thresholds.size)))[
+    play_outputs = move_plays(fitted_half.input[None], thresholds, np.zeros((1, thresholds.size)))[
         SWITCH_ON_SAMPLES:, 0
     ]
-    ends = np.ones((places.shape[0], 1))
+    offset_column = np.ones((play_outputs.shape[0], 1))
     weights, _ = nnls(
-        np.hstack([places, ends, -ends]), fitted_half.output[SWITCH_ON_SAMPLES:] * 1e6, maxiter=10000
+        np.hstack([play_outputs, offset_column, -offset_column]),
+        fitted_half.output[SWITCH_ON_SAMPLES:] * 1e6,
+        maxiter=10000,
     )
     offset, weights = weights[-2] - weights[-1], weights[:-2]
-    rising = np.cumsum(weights)
+    weight_sums = np.cumsum(weights)
     reversed_loop = np.array([weights[:i] @ (r - thresholds[:i]) for i, r in enumerate(thresholds)])
-    inverse_weights = np.concatenate([[1.0 / weights[0]], -weights[1:] / (rising[1:] * rising[:-1])])
+    inverse_weights = np.concatenate(
+        [[1.0 / weights[0]], -weights[1:] / (weight_sums[1:] * weight_sums[:-1])]
+    )
 
-    def inverse(whole: Loop) -> FloatArray:
-        demand = 1e6 * whole.output[None] - offset
-        asked = move_plays(demand, reversed_loop, np.zeros((1, reversed_loop.size)))[:, 0]
-        return np.asarray(asked @ inverse_weights)
+    def inverse(full_record: Loop) -> FloatArray:
+        demand = 1e6 * full_record.output[None] - offset
+        play_inputs = move_plays(demand, reversed_loop, np.zeros((1, reversed_loop.size)))[:, 0]
+        return np.asarray(play_inputs @ inverse_weights)
 
     return inverse
 
@@ -128,73 +132,75 @@ def _classic(fitted_half: Loop) -> Inverse:
 def stage() -> list[Row]:
     """Simulate the virtual stage while it follows a triangle."""
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
-    found = simulate_tracking(rig)
+    tracking_study = simulate_tracking(rig)
     texts = ", ".join(
         f"{name} {1e9 * error['rms_m']:.0f} nm rms, {1e9 * error['worst_m']:.0f} worst"
-        for name, error in found.errors.items()
+        for name, error in tracking_study.errors.items()
     )
     return [
         Row(
             "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: "
             "ratio of errors with / without compensation",
             "<= 0.2",
-            f"{found.deviation_ratio():.3f}: {texts}",
-            found.deviation_ratio() <= 0.2,
+            f"{tracking_study.deviation_ratio():.3f}: {texts}",
+            tracking_study.deviation_ratio() <= 0.2,
         ),
-        *_compiled(rig.settings.timing.rate_Hz, measure_stage_loops(rig), make_reference(rig)),
+        *_measure_compiled_inverse(
+            rig.settings.timing.rate_Hz, measure_stage_loops(rig), make_reference(rig)
+        ),
     ]
 
 
-def _compiled(rate: float, loops: Loops, demand: FloatArray) -> list[Row]:
-    with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as place:
-        model, folder = Path(place) / "model.toml", Path(place) / "c"
+def _measure_compiled_inverse(rate: float, loops: Loops, demand: FloatArray) -> list[Row]:
+    with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder_name:
+        model, folder = Path(folder_name) / "model.toml", Path(folder_name) / "c"
         write_model(identify(loops).model, model)
         compiled = compile_model(model, folder, CompileRequest("full", "q15", rate))
         checked = verify(folder, "host,cortex-m4")
         # A ramp leads from the compensator's initial demand at zero field to the start of the
         # triangle.
         assert isinstance(compiled.plan.block, Block)
-        begin = compiled.plan.block.table("GAP_OFFSET")[0] / 2**15
-        path = demand / compiled.plan.block.scales.demand
-        path = np.concatenate([np.linspace(begin, path[0], LEAD_TICKS), path])
-        codes = np.zeros((path.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
-        codes[:, 0] = np.round(2**15 * path)
+        initial_demand = compiled.plan.block.table("GAP_OFFSET")[0] / 2**15
+        demand_path = demand / compiled.plan.block.scales.demand
+        demand_path = np.concatenate([np.linspace(initial_demand, demand_path[0], LEAD_TICKS), demand_path])
+        codes = np.zeros((demand_path.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
+        codes[:, 0] = np.round(2**15 * demand_path)
         codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
-        max_cost, mean = ported_costs(folder, codes)
-    worst = compiled.manifest["accuracy"]["worst_percent"]
+        max_cost, mean_costs = ported_costs(folder, codes)
+    worst_error = compiled.manifest["accuracy"]["worst_percent"]
     return [
         Row(
             "compiled piezo inverse against double precision, with jumps and lost drives",
             "<= 0.1 % of the stroke",
-            f"{worst:.3f} %; bit for bit on host and Cortex-M4: {checked.passed}",
-            worst <= 0.1 and checked.passed,
+            f"{worst_error:.3f} %; bit for bit on host and Cortex-M4: {checked.passed}",
+            worst_error <= 0.1 and checked.passed,
         ),
         Row(
             "compiled piezo inverse on a Cortex-M4 during the triangle: solve and commit, mean tick",
             "<= 600 instructions",
-            f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; worst at reversals "
-            f"of the triangle {max_cost[0]:.0f} and {max_cost[1]:.0f}",
-            bool(mean[0] + mean[1] <= 600),
+            f"{mean_costs[0] + mean_costs[1]:.0f}: solve {mean_costs[0]:.0f}, commit {mean_costs[1]:.0f}; "
+            f"worst at reversals of the triangle {max_cost[0]:.0f} and {max_cost[1]:.0f}",
+            bool(mean_costs[0] + mean_costs[1] <= 600),
         ),
     ]
 
 
 def rod() -> Row:
     """Predict the strain at a withheld prestress."""
-    folder = ROOT / "examples" / "magnetostrictive"
-    model = identify(read_loops(folder / "loops.csv")).model
-    withheld_loop = read_loops(folder / "unseen.csv")
+    data_folder = ROOT / "examples" / "magnetostrictive"
+    model = identify(read_loops(data_folder / "loops.csv")).model
+    withheld_loop = read_loops(data_folder / "unseen.csv")
     residuals = np.concatenate([
         model.predict(loop.input, loop.schedule, None, loop.history).output - loop.output
         for loop in withheld_loop.loops
     ])  # fmt: skip
-    largest = max(float(loop.output.max()) for loop in withheld_loop.loops)
-    mean = 100.0 * float(np.mean(np.abs(residuals))) / largest
+    largest_strain = max(float(loop.output.max()) for loop in withheld_loop.loops)
+    mean_error = 100.0 * float(np.mean(np.abs(residuals))) / largest_strain
     return Row(
         "virtual magnetostrictive rod, withheld prestress: mean error",
         "<= 1 % of the largest strain",
-        f"{mean:.2f} %, worst {100 * float(np.max(np.abs(residuals))) / largest:.2f} %",
-        mean <= 1.0,
+        f"{mean_error:.2f} %, worst {100 * float(np.max(np.abs(residuals))) / largest_strain:.2f} %",
+        mean_error <= 1.0,
     )
 
 

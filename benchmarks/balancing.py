@@ -34,18 +34,18 @@ from planar import RIG
 from rows import Row
 
 METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "fused", "single-valued")
-PLANTS, FEWER = 12, 4
-FIGURES = ("average", "peak", "settling", "z", "ry", "rz")
-UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
+PLANTS, BASELINE_PLANTS = 12, 4
+METRIC_NAMES = ("average", "peak", "settling", "z", "ry", "rz")
+METRIC_UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
 
 
 @dataclass(frozen=True)
 class PlantResult:
     """The result of one plant with one method."""
 
-    figures: FloatArray  # before and after each number of scans, one column for each metric
-    taken: bool
-    fits: bool
+    metrics: FloatArray  # before and after each number of scans, one column for each metric
+    is_applied: bool
+    model_fits: bool
 
 
 def calibrate_plant(bench_and_plant: tuple[Bench, int]) -> PlantResult:
@@ -56,28 +56,38 @@ def calibrate_plant(bench_and_plant: tuple[Bench, int]) -> PlantResult:
     motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
     setup, gains = StageSetup(rig, law.compensator(0.0), drift=drift), bench.gains
 
-    def judged() -> list[float]:
+    def test_errors() -> list[float]:
         run = track(setup, motion, gains, noise)
-        test_motion = cross_talk(run, motion, stationary_axes(rig.settings))
-        own = measure(run, motion, rig.settings.scan.slit_s)
-        nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
+        cross_talk_errors = cross_talk(run, motion, stationary_axes(rig.settings))
+        tracking_measures = measure(run, motion, rig.settings.scan.slit_s)
+        scaled_metrics = [
+            tracking_measures.average_m,
+            tracking_measures.peak_m,
+            1e-6 * tracking_measures.settling_50_s,
+        ]
         return [
-            1e9 * value for value in (*nano, test_motion["z_m"], test_motion["ry_rad"], test_motion["rz_rad"])
+            1e9 * value
+            for value in (
+                *scaled_metrics,
+                cross_talk_errors["z_m"],
+                cross_talk_errors["ry_rad"],
+                cross_talk_errors["rz_rad"],
+            )
         ]
 
-    figures, learner = [judged()], ParameterEstimator(law)
+    metrics, learner = [test_errors()], ParameterEstimator(law)
     for scan in range(1, max(SCANS) + 1):
         learner.update(law.make_motion(track(setup, training_motion(rig), gains, noise + scan).columns))
         setup = law.corrected_stage(learner.calibration, drift)
         gains = bench.calibrated_gains if learner.identified else gains
         if scan in SCANS:
-            figures.append(judged())
-    return PlantResult(np.array(figures), learner.calibration.is_applied, learner.calibration.fits)
+            metrics.append(test_errors())
+    return PlantResult(np.array(metrics), learner.calibration.is_applied, learner.calibration.fits)
 
 
 DIRECTIONS = {"x": None, "y": [11.0, 6.0, 9.0]}
 """Directions of the test set-points; accelerations, m/s2, if not those of the rig file."""
-JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
+TEST_METRIC_TITLES = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
 def turn_set_points(rig: BodyRig, direction_name: str) -> BodyRig:
@@ -87,51 +97,58 @@ def turn_set_points(rig: BodyRig, direction_name: str) -> BodyRig:
     return change_rig(rig, {"scan.direction": direction, "scan.test_m_per_s2": peaks})
 
 
-def measure_both_directions(given: tuple[Bench, int]) -> list[list[float]]:
+def measure_both_directions(bench_and_plant: tuple[Bench, int]) -> list[list[float]]:
     """Return the errors along x and y before calibration and after each of two calibrations.
 
     One uses a scan along x, the other the move of ``anhyst excite --calibrate``.
     """
-    bench, plant = given
+    bench, plant = bench_and_plant
     law = StageLaw(bench.rig, bench.magnet, bench.method)
     drift, noise = sample_plant(bench.rig.settings, bench.rig.settings.seed, plant)
     nominal = StageSetup(bench.rig, law.compensator(0.0))
     unknown_errors = replace(nominal, drift=drift)
 
-    def judged(setup: StageSetup) -> list[float]:
-        averages, turned_rig = [], []
+    def direction_errors(setup: StageSetup) -> list[float]:
+        averages, rz_errors = [], []
         for direction_name in DIRECTIONS:
-            rig = turn_set_points(bench.rig, direction_name)
-            motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
-            run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
-            averages.append(1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m)
-            turned_rig.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
-        return [*averages, turned_rig[0]]
+            turned_rig = turn_set_points(bench.rig, direction_name)
+            motion = scan_motion(turned_rig.settings.scan, turned_rig.settings.scan.test_m_per_s2)
+            run = track(replace(setup, rig=turned_rig), motion, Feedforward(), noise)
+            averages.append(1e9 * measure(run, motion, turned_rig.settings.scan.slit_s).average_m)
+            rz_errors.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
+        return [*averages, rz_errors[0]]
 
-    def after(run: Recording) -> list[float]:
-        return judged(law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift))
+    def errors_after_calibration(run: Recording) -> list[float]:
+        return direction_errors(
+            law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift)
+        )
 
-    legs = select_legs(ParameterEstimator(law), nominal)
-    calibrated = track(unknown_errors, training_motion(bench.rig), Feedforward(), noise + 1)
-    return [judged(unknown_errors), after(calibrated), after(fly_legs(unknown_errors, legs, noise + 1))]
+    move_legs = select_legs(ParameterEstimator(law), nominal)
+    training_run = track(unknown_errors, training_motion(bench.rig), Feedforward(), noise + 1)
+    return [
+        direction_errors(unknown_errors),
+        errors_after_calibration(training_run),
+        errors_after_calibration(fly_legs(unknown_errors, move_legs, noise + 1)),
+    ]
 
 
 def make_method_rows(method: str, results: Sequence[PlantResult]) -> list[Row]:
     """Return the rows of one method: 50th and 95th percentiles over the plants."""
-    values = np.array([result.figures for result in results])
-    medians, percentiles_95 = np.percentile(values, [50.0, 95.0], axis=0)
+    all_metrics = np.array([result.metrics for result in results])
+    medians, percentiles_95 = np.percentile(all_metrics, [50.0, 95.0], axis=0)
     count = (
-        f"applied {sum(result.taken for result in results)}, fits {sum(result.fits for result in results)}"
+        f"applied {sum(result.is_applied for result in results)}, "
+        f"fits {sum(result.model_fits for result in results)}"
     )
     result_rows = []
-    for column, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
-        pairs = zip(medians[:, column], percentiles_95[:, column], strict=True)
+    for metric_index, (name, unit) in enumerate(zip(METRIC_NAMES, METRIC_UNITS, strict=True)):
+        pairs = zip(medians[:, metric_index], percentiles_95[:, metric_index], strict=True)
         text = " -> ".join(f"{median:.3g} / {percentile_95:.3g}" for median, percentile_95 in pairs)
         target, is_met = "reported", None
         if method == "full" and name == "average":
-            target, is_met = "<= 60 nm (95 %)", bool(percentiles_95[-1, column] <= 60.0)
+            target, is_met = "<= 60 nm (95 %)", bool(percentiles_95[-1, metric_index] <= 60.0)
         if name == "rz":
-            ratios = values[:, -1, column] / values[:, 0, column]
+            ratios = all_metrics[:, -1, metric_index] / all_metrics[:, 0, metric_index]
             text += f"; ratio after / before {np.median(ratios):.2g}, worst {ratios.max():.2g}"
             if method == "full":
                 target, is_met = "ratio <= 0.15 (50 %)", bool(np.median(ratios) <= 0.15)
@@ -145,14 +162,21 @@ def make_target_rows() -> list[Row]:
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(make_bench, [("planar", rig, magnet, method) for method in METHODS])
-    plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
-    work = [(bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)]
-    results = map_ordered(calibrate_plant, work)
+    plants = [PLANTS if bench.method == METHODS[0] else BASELINE_PLANTS for bench in benches]
+    bench_plant_pairs = [
+        (bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)
+    ]
+    results = map_ordered(calibrate_plant, bench_plant_pairs)
     return [
         row
-        for own in benches
+        for row_bench in benches
         for row in make_method_rows(
-            own.method, [result for result, (bench, _) in zip(results, work, strict=True) if bench is own]
+            row_bench.method,
+            [
+                result
+                for result, (bench, _) in zip(results, bench_plant_pairs, strict=True)
+                if bench is row_bench
+            ],
         )
         if any(f": {name}," in row.what for name in ("average", "rz"))
     ]
@@ -169,15 +193,17 @@ def rows() -> list[Row]:
         f"{name} "
         + " -> ".join(
             f"{median:.3g} / {percentile_95:.3g}"
-            for median, percentile_95 in zip(medians[:, place], percentiles_95[:, place], strict=True)
+            for median, percentile_95 in zip(medians[:, index], percentiles_95[:, index], strict=True)
         )
-        for place, name in enumerate(JUDGED)
+        for index, name in enumerate(TEST_METRIC_TITLES)
     )
-    what = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
-    direction_names = Row(what, "reported", text, None)
-    flown = map_ordered(calibrate_plant, [(bench, plant) for bench in benches for plant in range(PLANTS)])
-    return [direction_names] + [
+    title = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
+    directions_row = Row(title, "reported", text, None)
+    plant_results = map_ordered(
+        calibrate_plant, [(bench, plant) for bench in benches for plant in range(PLANTS)]
+    )
+    return [directions_row] + [
         row
-        for place, bench in enumerate(benches)
-        for row in make_method_rows(bench.method, flown[place * PLANTS : (place + 1) * PLANTS])
+        for index, bench in enumerate(benches)
+        for row in make_method_rows(bench.method, plant_results[index * PLANTS : (index + 1) * PLANTS])
     ]

@@ -40,9 +40,9 @@ class Plant(NamedTuple):
 
     thresholds: Array  # A/m, ascending
     weights: Array
-    sharp: float  # saturation of the sharp part, T
+    sharp_saturation: float  # saturation of the sharp part, T
     knee_sharp: float  # A/m
-    slow: float
+    slow_saturation: float
     knee_slow: float
     turns: float
     resistance: float
@@ -50,11 +50,11 @@ class Plant(NamedTuple):
     area: float  # m^2
     width: float  # width of a pole, m
     depth: float
-    leakage: float  # H
-    supply: float  # V
-    gain: float  # V/A
-    reset: float  # integral gain, V/(A s)
-    mass: float
+    leakage_permeance: float  # H
+    supply_voltage: float  # V
+    current_gain: float  # V/A
+    current_integral_gain: float  # integral gain, V/(A s)
+    mass_kg: float
     stop_low: float  # m
     stop_high: float
     stop_stiffness: float  # N/m
@@ -72,14 +72,14 @@ class Control(NamedTuple):
     proportional: float
     integral: float
     derivative: float
-    second: float
-    back: float
+    acceleration_gain: float
+    anti_windup_gain: float
     smoothing: float
     smoothing_2: float
-    weight: float
-    low: float  # N
-    high: float
-    middle: float  # gap at position 0, m
+    set_point_weight: float
+    demand_low: float  # N
+    demand_high: float
+    gap_middle: float  # gap at position 0, m
     currents: Array  # A, gaps x forces
     gap_low: float
     gap_high: float
@@ -97,29 +97,29 @@ class LevitationRun:
 
 
 @njit(error_model="numpy")
-def _controller(c: Control, memory: Array, target: float, read: float) -> float:
+def _controller(c: Control, memory: Array, set_point: float, gap_reading: float) -> float:
     """Return the current of this tick; `memory` contains position, velocity and integral."""
-    wanted_at, at = c.middle - target, c.middle - read
-    first_gap = c.smoothing * (at - memory[0])
-    second = c.smoothing_2 * (first_gap - memory[1])
+    wanted_position, position = c.gap_middle - set_point, c.gap_middle - gap_reading
+    first_gap = c.smoothing * (position - memory[0])
+    second_difference = c.smoothing_2 * (first_gap - memory[1])
     demand = (
-        c.proportional * (c.weight * wanted_at - at)
+        c.proportional * (c.set_point_weight * wanted_position - position)
         + memory[2]
         - c.derivative * first_gap
-        - c.second * second
+        - c.acceleration_gain * second_difference
     )
-    force = min(max(demand, c.low), c.high)
+    force = min(max(demand, c.demand_low), c.demand_high)
     memory[0] += first_gap
-    memory[1] += second
-    memory[2] += c.integral * (wanted_at - at) + c.back * (force - demand)
+    memory[1] += second_difference
+    memory[2] += c.integral * (wanted_position - position) + c.anti_windup_gain * (force - demand)
     gaps, forces = c.currents.shape
-    row = min(max((read - c.gap_low) / (c.gap_high - c.gap_low), 0.0), 1.0) * (gaps - 1)
-    column = min(max(force / c.force_high, 0.0), 1.0) * (forces - 1)
-    i, j = min(int(row), gaps - 2), min(int(column), forces - 2)
-    y, x = row - i, column - j
-    nearer_current = c.currents[i, j] + x * (c.currents[i, j + 1] - c.currents[i, j])
-    farther_current = c.currents[i + 1, j] + x * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
-    current = min(max(nearer_current + y * (farther_current - nearer_current), 0.0), c.current_high)
+    gap_index = min(max((gap_reading - c.gap_low) / (c.gap_high - c.gap_low), 0.0), 1.0) * (gaps - 1)
+    force_index = min(max(force / c.force_high, 0.0), 1.0) * (forces - 1)
+    i, j = min(int(gap_index), gaps - 2), min(int(force_index), forces - 2)
+    row_part, column_part = gap_index - i, force_index - j
+    nearer_current = c.currents[i, j] + column_part * (c.currents[i, j + 1] - c.currents[i, j])
+    farther_current = c.currents[i + 1, j] + column_part * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
+    current = min(max(nearer_current + row_part * (farther_current - nearer_current), 0.0), c.current_high)
     return float(math.floor(current / c.current_step + 0.5) * c.current_step)
 
 
@@ -139,310 +139,345 @@ class ByScipy:
         self.plant = plant
         self._method, self._tolerance = method, tolerance
         self._cells = list(zip(plant.thresholds.tolist(), plant.weights.tolist(), strict=True))
-        self._place = [0.0] * len(self._cells)
-        self._rest = [0.0] * (len(self._cells) + 1)
-        self._absolute = tolerance * np.array([0.05, 3.0, 100.0, 1e-5, 1e-2, 1e-5])
+        self._plays = [0.0] * len(self._cells)
+        self._cell_sums = [0.0] * (len(self._cells) + 1)
+        self._absolute_tolerance = tolerance * np.array([0.05, 3.0, 100.0, 1e-5, 1e-2, 1e-5])
         self._state = np.zeros(6)  # linkage, integral, load, gap, velocity, sensor
         self._field = 0.0
-        self._command = self._waiting = 0.0
+        self._command = self._next_command = 0.0
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold the position; return the magnet's force, N."""
         p = self.plant
-        self._place = [0.0] * len(self._cells)
-        self._rest = [0.0] * (len(self._cells) + 1)
+        self._plays = [0.0] * len(self._cells)
+        self._cell_sums = [0.0] * (len(self._cells) + 1)
         low_current, high_current = -1e5, 1e5
         for _ in range(200):
             field = 0.5 * (low_current + high_current)
-            needed = p.length * field + self._outer(gap)[0] * p.area * self._density(field)[0]
+            needed = p.length * field + self._outer_circuit(gap)[0] * p.area * self._flux_density(field)[0]
             low_current, high_current = (
                 (field, high_current) if needed < p.turns * current else (low_current, field)
             )
-        self._move(field)
-        density = self._density(field)[0]
+        self._move_cells(field)
+        density = self._flux_density(field)[0]
         psi = p.turns * p.area * density
         self._field = field
         self._state = np.array([psi, p.resistance * current, load, gap, 0.0, gap])
-        self._command = self._waiting = current
-        return self._pull(density, gap)
+        self._command = self._next_command = current
+        return self._magnet_force(density, gap)
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
         """Advance by one tick with the previous command; return gap, m, and force, N."""
         p = self.plant
-        self._command, self._waiting = self._waiting, command
-        found = solve_ivp(
-            self._rates,
+        self._command, self._next_command = self._next_command, command
+        solution = solve_ivp(
+            self._state_rates,
             (0.0, p.tick),
             self._state,
             method=self._method,
             args=(load,),
             first_step=p.tick,
             rtol=self._tolerance,
-            atol=self._absolute,
+            atol=self._absolute_tolerance,
         )
-        self._state = found.y[:, -1]
+        self._state = solution.y[:, -1]
         density, gap = float(self._state[0]) / (p.turns * p.area), float(self._state[3])
-        self._move(self._field_at(density))
-        return gap, self._pull(density, gap)
+        self._move_cells(self._field_for_density(density))
+        return gap, self._magnet_force(density, gap)
 
-    def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
+    def run(
+        self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array
+    ) -> LevitationRun:
         """Run the closed loop."""
-        p, ticks = self.plant, target.size
+        p, ticks = self.plant, set_point.size
         run = LevitationRun(np.empty(ticks), np.empty(ticks))
         for tick in range(ticks):
-            read = float(self._state[5]) + float(noise[tick])
-            steps = math.floor((read - p.sensor_low) / p.sensor_step + 0.5)
-            read = p.sensor_low + steps * p.sensor_step
-            command = _controller(control, memory, float(target[tick]), read)
+            gap_reading = float(self._state[5]) + float(noise[tick])
+            step_count = math.floor((gap_reading - p.sensor_low) / p.sensor_step + 0.5)
+            gap_reading = p.sensor_low + step_count * p.sensor_step
+            command = _controller(control, memory, float(set_point[tick]), gap_reading)
             run.gap[tick], run.force[tick] = self.advance(command, float(load[tick]))
         return run
 
-    def _rates(self, _: float, state: Array, load_command: float) -> list[float]:
+    def _state_rates(self, _: float, state: Array, load_command: float) -> list[float]:
         p = self.plant
         psi, integral, load, gap, velocity, sensor = state.tolist()
         density = psi / (p.turns * p.area)
-        field = self._field_at(density)
-        outer_reluctance = self._outer(gap)[0]
+        field = self._field_for_density(density)
+        outer_reluctance = self._outer_circuit(gap)[0]
         current = (p.length * field + outer_reluctance * p.area * density) / p.turns
         error = self._command - current
-        voltage = p.gain * error + integral
-        within = abs(voltage) <= p.supply
-        if not within:
-            voltage = math.copysign(p.supply, voltage)
-        over = max(gap - p.stop_high, 0.0) + min(gap - p.stop_low, 0.0)
-        push = load - self._pull(density, gap) - p.stop_stiffness * over
-        if over:
-            push -= p.stop_damping * velocity
+        voltage = p.current_gain * error + integral
+        is_within_supply = abs(voltage) <= p.supply_voltage
+        if not is_within_supply:
+            voltage = math.copysign(p.supply_voltage, voltage)
+        stop_overrun = max(gap - p.stop_high, 0.0) + min(gap - p.stop_low, 0.0)
+        net_force = load - self._magnet_force(density, gap) - p.stop_stiffness * stop_overrun
+        if stop_overrun:
+            net_force -= p.stop_damping * velocity
         return [
             voltage - p.resistance * current,
-            p.reset * error if within else 0.0,
+            p.current_integral_gain * error if is_within_supply else 0.0,
             p.load_corner * (load_command - load),
             velocity,
-            push / p.mass,
+            net_force / p.mass_kg,
             p.sensor_corner * (gap - sensor),
         ]
 
-    def _outer(self, gap: float) -> tuple[float, float, float]:
+    def _outer_circuit(self, gap: float) -> tuple[float, float, float]:
         """Return reluctance outside the iron, 1/H, flux fraction in the gaps, gap area, m^2."""
         p = self.plant
         area = (p.width + gap) * (p.depth + gap)
         gaps = MU_0 * area / (2.0 * gap)
-        return 1.0 / (gaps + p.leakage), gaps / (gaps + p.leakage), area
+        return 1.0 / (gaps + p.leakage_permeance), gaps / (gaps + p.leakage_permeance), area
 
-    def _pull(self, density: float, gap: float) -> float:
+    def _magnet_force(self, density: float, gap: float) -> float:
         p = self.plant
-        _, share, area = self._outer(gap)
-        flux = density * p.area * share
-        narrows = 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
-        return flux * flux / (MU_0 * area) * narrows
+        _, gap_fraction, area = self._outer_circuit(gap)
+        flux = density * p.area * gap_fraction
+        fringe_factor = 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
+        return flux * flux / (MU_0 * area) * fringe_factor
 
-    def _field_at(self, density: float) -> float:
+    def _field_for_density(self, density: float) -> float:
         """Return the field for a flux density, A/m, starting from the last result."""
         field, low_field, high_field = self._field, -math.inf, math.inf
         for _ in range(100):
-            found, slope = self._density(field)
-            left = density - found
-            if abs(left) <= 1e-10:
+            trial_density, slope = self._flux_density(field)
+            density_error = density - trial_density
+            if abs(density_error) <= 1e-10:
                 break
-            low_field, high_field = (field, high_field) if left > 0.0 else (low_field, field)
-            field += left / slope
+            low_field, high_field = (field, high_field) if density_error > 0.0 else (low_field, field)
+            field += density_error / slope
             if not low_field < field < high_field:
-                bounded = math.isfinite(low_field) and math.isfinite(high_field)
-                field = 0.5 * (low_field + high_field) if bounded else field
+                is_bracketed = math.isfinite(low_field) and math.isfinite(high_field)
+                field = 0.5 * (low_field + high_field) if is_bracketed else field
         self._field = field
         return field
 
-    def _density(self, field: float) -> tuple[float, float]:
+    def _flux_density(self, field: float) -> tuple[float, float]:
         """Return flux density and slope for a move from the last tick to this field."""
         p, density, slope = self.plant, MU_0 * field, MU_0
         for number, (threshold, weight) in enumerate(self._cells):
-            away = field - self._place[number]
-            if abs(away) < threshold:
-                return density + self._rest[number], slope
-            h = field - math.copysign(threshold, away)
+            distance = field - self._plays[number]
+            if abs(distance) < threshold:
+                return density + self._cell_sums[number], slope
+            h = field - math.copysign(threshold, distance)
             root = math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
-            part = p.sharp * h / root + 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
-            steep = p.sharp * p.knee_sharp**2 / root**3
-            steep += 2.0 / math.pi * p.slow * p.knee_slow / (p.knee_slow**2 + h * h)
-            density += weight * part
-            slope += weight * steep
+            polarisation = p.sharp_saturation * h / root + 2.0 / math.pi * p.slow_saturation * math.atan(
+                h / p.knee_slow
+            )
+            polarisation_slope = p.sharp_saturation * p.knee_sharp**2 / root**3
+            polarisation_slope += 2.0 / math.pi * p.slow_saturation * p.knee_slow / (p.knee_slow**2 + h * h)
+            density += weight * polarisation
+            slope += weight * polarisation_slope
         return density, slope
 
-    def _move(self, field: float) -> None:
+    def _move_cells(self, field: float) -> None:
         p = self.plant
-        moved = 0
+        moved_count = 0
         for number, (threshold, _) in enumerate(self._cells):
-            away = field - self._place[number]
-            if abs(away) < threshold:
+            distance = field - self._plays[number]
+            if abs(distance) < threshold:
                 break
-            self._place[number] = field - math.copysign(threshold, away)
-            moved = number + 1
-        for number in range(moved - 1, -1, -1):
-            h = self._place[number]
-            part = p.sharp * h / math.hypot(h, p.knee_sharp)
-            part += 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
-            self._rest[number] = self._rest[number + 1] + self._cells[number][1] * part
+            self._plays[number] = field - math.copysign(threshold, distance)
+            moved_count = number + 1
+        for number in range(moved_count - 1, -1, -1):
+            h = self._plays[number]
+            polarisation = p.sharp_saturation * h / math.hypot(h, p.knee_sharp)
+            polarisation += 2.0 / math.pi * p.slow_saturation * math.atan(h / p.knee_slow)
+            self._cell_sums[number] = self._cell_sums[number + 1] + self._cells[number][1] * polarisation
 
 
 # State of the compiled baseline, in the order of these names.
-FIELD, STRIDE, PSI, CURRENT, INTEGRAL, LOAD, GAP, VELOCITY, FORCE, SENSOR, WAITING, OUTPUT = range(12)
+(
+    FIELD_INDEX,
+    FIELD_STEP_INDEX,
+    LINKAGE_INDEX,
+    CURRENT_INDEX,
+    INTEGRAL_INDEX,
+    LOAD_INDEX,
+    GAP_INDEX,
+    VELOCITY_INDEX,
+    FORCE_INDEX,
+    SENSOR_INDEX,
+    NEXT_COMMAND_INDEX,
+    COMMAND_INDEX,
+) = range(12)
 TOLERANCE = 1e-7  # of the flux density, T
 
 
 @njit(error_model="numpy")
-def _polarisation(p: Plant, h: float) -> tuple[float, float]:
-    inverse = 1.0 / math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
-    ratio = h / p.knee_slow
-    slow = 2.0 / math.pi * p.slow
-    steep = p.sharp * p.knee_sharp * p.knee_sharp * inverse * inverse * inverse
-    steep += slow / (p.knee_slow * (1.0 + ratio * ratio))
-    return p.sharp * h * inverse + slow * math.atan(ratio), steep
+def _polarisation(p: Plant, field: float) -> tuple[float, float]:
+    inverse_root = 1.0 / math.sqrt(field * field + p.knee_sharp * p.knee_sharp)
+    ratio = field / p.knee_slow
+    slow_factor = 2.0 / math.pi * p.slow_saturation
+    slope = p.sharp_saturation * p.knee_sharp * p.knee_sharp * inverse_root * inverse_root * inverse_root
+    slope += slow_factor / (p.knee_slow * (1.0 + ratio * ratio))
+    return p.sharp_saturation * field * inverse_root + slow_factor * math.atan(ratio), slope
 
 
 @njit(error_model="numpy")
-def _density(p: Plant, place: Array, rest: Array, field: float) -> tuple[float, float]:
+def _flux_density(p: Plant, plays: Array, cell_sums: Array, field: float) -> tuple[float, float]:
     density, slope = MU_0 * field, MU_0
     for k in range(p.thresholds.size):
-        away, r = field - place[k], p.thresholds[k]
-        if abs(away) < r:
-            return density + rest[k], slope
-        part, steep = _polarisation(p, field - r if away > 0.0 else field + r)
-        density += p.weights[k] * part
-        slope += p.weights[k] * steep
+        distance, r = field - plays[k], p.thresholds[k]
+        if abs(distance) < r:
+            return density + cell_sums[k], slope
+        polarisation, polarisation_slope = _polarisation(p, field - r if distance > 0.0 else field + r)
+        density += p.weights[k] * polarisation
+        slope += p.weights[k] * polarisation_slope
     return density, slope
 
 
 @njit(error_model="numpy")
-def _move(p: Plant, place: Array, rest: Array, field: float) -> None:
-    moved = 0
+def _move_cells(p: Plant, plays: Array, cell_sums: Array, field: float) -> None:
+    moved_count = 0
     for k in range(p.thresholds.size):
-        away, r = field - place[k], p.thresholds[k]
-        if abs(away) < r:
+        distance, r = field - plays[k], p.thresholds[k]
+        if abs(distance) < r:
             break
-        place[k] = field - r if away > 0.0 else field + r
-        moved = k + 1
-    for k in range(moved - 1, -1, -1):
-        rest[k] = rest[k + 1] + p.weights[k] * _polarisation(p, place[k])[0]
+        plays[k] = field - r if distance > 0.0 else field + r
+        moved_count = k + 1
+    for k in range(moved_count - 1, -1, -1):
+        cell_sums[k] = cell_sums[k + 1] + p.weights[k] * _polarisation(p, plays[k])[0]
 
 
 @njit(error_model="numpy")
-def _solve(
-    p: Plant, place: Array, rest: Array, start: float, a: float, b: float, r: float, near: float
+def _solve_field(
+    p: Plant,
+    plays: Array,
+    cell_sums: Array,
+    start_field: float,
+    a: float,
+    b: float,
+    r: float,
+    tolerance: float,
 ) -> tuple[float, float]:
     """Solve a*H + b*B = r by Newton's method within a bracket."""
-    field, low, high, density = start, -np.inf, np.inf, 0.0
+    field, low, high, density = start_field, -np.inf, np.inf, 0.0
     for _ in range(100):
-        density, slope = _density(p, place, rest, field)
-        left = r - a * field - b * density
-        if abs(left) <= near:
+        density, slope = _flux_density(p, plays, cell_sums, field)
+        residual = r - a * field - b * density
+        if abs(residual) <= tolerance:
             break
-        if left > 0.0:
+        if residual > 0.0:
             low = field
-            high = min(high, field + left / a)
+            high = min(high, field + residual / a)
         else:
             high = field
-            low = max(low, field + left / a)
-        field += left / (a + b * slope)
+            low = max(low, field + residual / a)
+        field += residual / (a + b * slope)
         if not low < field < high:
             field = 0.5 * (low + high)
     return field, density
 
 
 @njit(error_model="numpy")
-def _around(p: Plant, gap: float) -> tuple[float, float, float, float]:
+def _gap_circuit(p: Plant, gap: float) -> tuple[float, float, float, float]:
     area = (p.width + gap) * (p.depth + gap)
-    gaps = MU_0 * area / (2.0 * gap)
-    outer = 1.0 / (gaps + p.leakage)
-    return outer, gaps * outer, area, 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
+    gap_permeance = MU_0 * area / (2.0 * gap)
+    outer_reluctance = 1.0 / (gap_permeance + p.leakage_permeance)
+    return (
+        outer_reluctance,
+        gap_permeance * outer_reluctance,
+        area,
+        1.0 - gap * (p.width + p.depth + 2.0 * gap) / area,
+    )
 
 
 @njit(error_model="numpy")
-def _winding(p: Plant, s: Array, place: Array, rest: Array, h: float) -> None:
-    half, error = 0.5 * h, s[OUTPUT] - s[CURRENT]
-    voltage = p.gain * error + s[INTEGRAL]
-    beyond = abs(voltage) > p.supply
-    if beyond:
-        voltage = math.copysign(p.supply, voltage)
-    begun = s[PSI] + half * (voltage - p.resistance * s[CURRENT])
-    gain = p.gain + half * p.reset
-    given = gain * s[OUTPUT] + s[INTEGRAL] + half * p.reset * error
-    outer, share, area, narrows = _around(p, s[GAP])
+def _advance_winding(p: Plant, s: Array, plays: Array, cell_sums: Array, time_step: float) -> None:
+    half_step, error = 0.5 * time_step, s[COMMAND_INDEX] - s[CURRENT_INDEX]
+    voltage = p.current_gain * error + s[INTEGRAL_INDEX]
+    is_saturated = abs(voltage) > p.supply_voltage
+    if is_saturated:
+        voltage = math.copysign(p.supply_voltage, voltage)
+    explicit_linkage = s[LINKAGE_INDEX] + half_step * (voltage - p.resistance * s[CURRENT_INDEX])
+    total_gain = p.current_gain + half_step * p.current_integral_gain
+    voltage_offset = (
+        total_gain * s[COMMAND_INDEX] + s[INTEGRAL_INDEX] + half_step * p.current_integral_gain * error
+    )
+    outer_reluctance, gap_fraction, area, fringe_factor = _gap_circuit(p, s[GAP_INDEX])
     weight, per_field = p.turns * p.area, p.length / p.turns
-    per_density = outer * p.area / p.turns
+    per_density = outer_reluctance * p.area / p.turns
     for _ in range(2):
-        taken = half * (gain + p.resistance)
-        field, density = _solve(
+        current_factor = half_step * (total_gain + p.resistance)
+        field, density = _solve_field(
             p,
-            place,
-            rest,
-            s[FIELD] + s[STRIDE],
-            taken * per_field,
-            weight + taken * per_density,
-            begun + half * given,
+            plays,
+            cell_sums,
+            s[FIELD_INDEX] + s[FIELD_STEP_INDEX],
+            current_factor * per_field,
+            weight + current_factor * per_density,
+            explicit_linkage + half_step * voltage_offset,
             weight * TOLERANCE,
         )
         current = per_field * field + per_density * density
-        voltage = given - gain * current
-        if abs(voltage) <= p.supply:
+        voltage = voltage_offset - total_gain * current
+        if abs(voltage) <= p.supply_voltage:
             break
-        beyond, gain, given = True, 0.0, math.copysign(p.supply, voltage)
-    s[PSI] = begun + half * (voltage - p.resistance * current)
-    if not beyond:
-        s[INTEGRAL] += half * p.reset * (error + s[OUTPUT] - current)
-    s[CURRENT], s[STRIDE], s[FIELD] = current, field - s[FIELD], field
-    _move(p, place, rest, field)
-    flux = (MU_0 * field + rest[0]) * p.area * share
-    s[FORCE] = flux * flux / (MU_0 * area) * narrows
+        is_saturated, total_gain, voltage_offset = True, 0.0, math.copysign(p.supply_voltage, voltage)
+    s[LINKAGE_INDEX] = explicit_linkage + half_step * (voltage - p.resistance * current)
+    if not is_saturated:
+        s[INTEGRAL_INDEX] += half_step * p.current_integral_gain * (error + s[COMMAND_INDEX] - current)
+    s[CURRENT_INDEX], s[FIELD_STEP_INDEX], s[FIELD_INDEX] = current, field - s[FIELD_INDEX], field
+    _move_cells(p, plays, cell_sums, field)
+    flux = (MU_0 * field + cell_sums[0]) * p.area * gap_fraction
+    s[FORCE_INDEX] = flux * flux / (MU_0 * area) * fringe_factor
 
 
 @njit(error_model="numpy")
-def _push(p: Plant, s: Array) -> tuple[float, float]:
-    over = max(s[GAP] - p.stop_high, 0.0) + min(s[GAP] - p.stop_low, 0.0)
-    damping = p.stop_damping if over != 0.0 else 0.0
-    return s[LOAD] - s[FORCE] - p.stop_stiffness * over, damping
+def _net_force(p: Plant, s: Array) -> tuple[float, float]:
+    stop_overrun = max(s[GAP_INDEX] - p.stop_high, 0.0) + min(s[GAP_INDEX] - p.stop_low, 0.0)
+    damping = p.stop_damping if stop_overrun != 0.0 else 0.0
+    return s[LOAD_INDEX] - s[FORCE_INDEX] - p.stop_stiffness * stop_overrun, damping
 
 
 @njit(error_model="numpy")
-def _advance(
-    p: Plant, s: Array, place: Array, rest: Array, substeps: int, command: float, load: float
+def _advance_tick(
+    p: Plant, s: Array, plays: Array, cell_sums: Array, substeps: int, command: float, load: float
 ) -> None:
-    h = p.tick / substeps
-    push = 0.5 * h / p.mass
-    load_share = -math.expm1(-p.load_corner * h)
-    sensor_share = -math.expm1(-p.sensor_corner * h)
-    s[OUTPUT], s[WAITING] = s[WAITING], command
+    time_step = p.tick / substeps
+    velocity_per_force = 0.5 * time_step / p.mass_kg
+    load_factor = -math.expm1(-p.load_corner * time_step)
+    sensor_factor = -math.expm1(-p.sensor_corner * time_step)
+    s[COMMAND_INDEX], s[NEXT_COMMAND_INDEX] = s[NEXT_COMMAND_INDEX], command
     for _ in range(substeps):
-        before = s[GAP]
-        force, damping = _push(p, s)
-        s[VELOCITY] += push * (force - damping * s[VELOCITY])
-        s[GAP] += h * s[VELOCITY]
-        _winding(p, s, place, rest, h)
-        s[LOAD] += load_share * (load - s[LOAD])
-        force, damping = _push(p, s)
-        s[VELOCITY] = (s[VELOCITY] + push * force) / (1.0 + push * damping)
-        s[SENSOR] += sensor_share * (0.5 * (before + s[GAP]) - s[SENSOR])
+        previous_gap = s[GAP_INDEX]
+        force, damping = _net_force(p, s)
+        s[VELOCITY_INDEX] += velocity_per_force * (force - damping * s[VELOCITY_INDEX])
+        s[GAP_INDEX] += time_step * s[VELOCITY_INDEX]
+        _advance_winding(p, s, plays, cell_sums, time_step)
+        s[LOAD_INDEX] += load_factor * (load - s[LOAD_INDEX])
+        force, damping = _net_force(p, s)
+        s[VELOCITY_INDEX] = (s[VELOCITY_INDEX] + velocity_per_force * force) / (
+            1.0 + velocity_per_force * damping
+        )
+        s[SENSOR_INDEX] += sensor_factor * (0.5 * (previous_gap + s[GAP_INDEX]) - s[SENSOR_INDEX])
 
 
 @njit(error_model="numpy")
-def _fly(
+def _run_ticks(
     p: Plant,
     c: Control,
     s: Array,
-    place: Array,
-    rest: Array,
+    plays: Array,
+    cell_sums: Array,
     memory: Array,
     substeps: int,
-    target: Array,
+    set_point: Array,
     load: Array,
     noise: Array,
-    record: Array,
+    gap_and_force: Array,
 ) -> None:
-    for tick in range(target.size):
-        read = s[SENSOR] + noise[tick]
-        read = p.sensor_low + math.floor((read - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
-        command = _controller(c, memory, target[tick], read)
-        _advance(p, s, place, rest, substeps, command, load[tick])
-        record[tick, 0], record[tick, 1] = s[GAP], s[FORCE]
+    for tick in range(set_point.size):
+        gap_reading = s[SENSOR_INDEX] + noise[tick]
+        gap_reading = (
+            p.sensor_low + math.floor((gap_reading - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
+        )
+        command = _controller(c, memory, set_point[tick], gap_reading)
+        _advance_tick(p, s, plays, cell_sums, substeps, command, load[tick])
+        gap_and_force[tick, 0], gap_and_force[tick, 1] = s[GAP_INDEX], s[FORCE_INDEX]
 
 
 class ByNumba:
@@ -458,47 +493,63 @@ class ByNumba:
     def __init__(self, plant: Plant, substeps: int) -> None:
         self.plant, self._substeps = plant, substeps
         self._state = np.zeros(12)
-        self._place = np.zeros(plant.thresholds.size)
-        self._rest = np.zeros(plant.thresholds.size + 1)
+        self._plays = np.zeros(plant.thresholds.size)
+        self._cell_sums = np.zeros(plant.thresholds.size + 1)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold the position; return the magnet's force, N."""
         p, s = self.plant, self._state
-        self._place[:] = 0.0
-        self._rest[:] = 0.0
-        outer, share, area, narrows = _around(p, gap)
-        b = outer * p.area
-        field, _ = _solve(p, self._place, self._rest, 0.0, p.length, b, p.turns * current, b * 1e-12)
-        _move(p, self._place, self._rest, field)
-        density = MU_0 * field + self._rest[0]
+        self._plays[:] = 0.0
+        self._cell_sums[:] = 0.0
+        outer_reluctance, gap_fraction, area, fringe_factor = _gap_circuit(p, gap)
+        density_factor = outer_reluctance * p.area
+        field, _ = _solve_field(
+            p,
+            self._plays,
+            self._cell_sums,
+            0.0,
+            p.length,
+            density_factor,
+            p.turns * current,
+            density_factor * 1e-12,
+        )
+        _move_cells(p, self._plays, self._cell_sums, field)
+        density = MU_0 * field + self._cell_sums[0]
         s[:] = 0.0
-        s[FIELD], s[PSI], s[CURRENT] = field, p.turns * p.area * density, current
-        s[INTEGRAL], s[LOAD], s[GAP], s[SENSOR] = p.resistance * current, load, gap, gap
-        s[OUTPUT] = s[WAITING] = current
-        flux = density * p.area * share
-        s[FORCE] = flux * flux / (MU_0 * area) * narrows
-        return float(s[FORCE])
+        s[FIELD_INDEX], s[LINKAGE_INDEX], s[CURRENT_INDEX] = field, p.turns * p.area * density, current
+        s[INTEGRAL_INDEX], s[LOAD_INDEX], s[GAP_INDEX], s[SENSOR_INDEX] = (
+            p.resistance * current,
+            load,
+            gap,
+            gap,
+        )
+        s[COMMAND_INDEX] = s[NEXT_COMMAND_INDEX] = current
+        flux = density * p.area * gap_fraction
+        s[FORCE_INDEX] = flux * flux / (MU_0 * area) * fringe_factor
+        return float(s[FORCE_INDEX])
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
         """Advance by one tick with the previous command; return gap, m, and force, N."""
         s = self._state
-        _advance(self.plant, s, self._place, self._rest, self._substeps, command, load)
-        return float(s[GAP]), float(s[FORCE])
+        _advance_tick(self.plant, s, self._plays, self._cell_sums, self._substeps, command, load)
+        return float(s[GAP_INDEX]), float(s[FORCE_INDEX])
 
-    def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
+    def run(
+        self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array
+    ) -> LevitationRun:
         """Run the closed loop."""
-        record = np.empty((target.size, 2))
-        _fly(
+        gap_and_force = np.empty((set_point.size, 2))
+        _run_ticks(
             self.plant,
             control,
             self._state,
-            self._place,
-            self._rest,
+            self._plays,
+            self._cell_sums,
             memory,
             self._substeps,
-            target,
+            set_point,
             load,
             noise,
-            record,
+            gap_and_force,
         )
-        return LevitationRun(record[:, 0].copy(), record[:, 1].copy())
+        return LevitationRun(gap_and_force[:, 0].copy(), gap_and_force[:, 1].copy())

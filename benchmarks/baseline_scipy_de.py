@@ -44,7 +44,7 @@ WARM_UP_CYCLES = 2
 FAILED = 1e3  # T^2, cost of a parameter set whose curve has no finite slope
 
 # M_s, a, k, c and alpha without redundancy; logarithms of the scale parameters k, a and M_s.
-BOUNDS: Mapping[str, tuple[float, float]] = {
+PARAMETER_BOUNDS: Mapping[str, tuple[float, float]] = {
     "log10 kappa = k/a": (-2.0, 1.0),
     "c": (0.0, 1.0),
     "alpha*M_s/a": (0.0, 3.0),  # at c = 3, the anhysteretic curve becomes vertical
@@ -119,8 +119,8 @@ misfit: Callable[..., float] = njit(fastmath=True)(_misfit)
 def load_loops(folder: Path | None = None) -> tuple[Array, Array, NDArray[np.int64]]:
     """Read field (A/m), flux density (T) and the index of the first sample of each loop."""
     if folder is None:
-        here = Path(__file__).resolve().parents[2] / "shared" / "data"
-        folder = Path(os.environ.get("ANHYST_DATA", here))
+        data_folder = Path(__file__).resolve().parents[2] / "shared" / "data"
+        folder = Path(os.environ.get("ANHYST_DATA", data_folder))
     loop, field, flux_density = np.loadtxt(folder / FILE, delimiter=",", skiprows=1).T
     starts = np.append(np.flatnonzero(np.diff(loop, prepend=-1.0)), loop.size)
     return field, flux_density, starts.astype(np.int64)
@@ -129,7 +129,7 @@ def load_loops(folder: Path | None = None) -> tuple[Array, Array, NDArray[np.int
 def run(
     seed: int,
     maxiter: int = 1000,
-    bounds: Mapping[str, tuple[float, float]] = BOUNDS,
+    bounds: Mapping[str, tuple[float, float]] = PARAMETER_BOUNDS,
     substeps: int = SUBSTEPS,
     folder: Path | None = None,
 ) -> dict[str, Any]:
@@ -139,26 +139,26 @@ def run(
     -------
     dict
         ``sum_of_squares`` (T^2), ``rms_percent`` (of the largest B), ``cpu_seconds``,
-        ``evaluations``, ``parameters`` (in the order of `BOUNDS`), ``history``: a list of
+        ``evaluations``, ``parameters`` (in the order of `PARAMETER_BOUNDS`), ``history``: a list of
         ``(cpu_seconds, sum_of_squares)``, one entry for each new best.
     """
     field, flux_density, starts = load_loops(folder)
     misfit(np.array([0.0, 0.5, 1.0, 1.0, 0.0]), field, flux_density, starts, substeps)  # compile
     history: list[tuple[float, float]] = []
-    best = math.inf
+    lowest_error = math.inf
     evaluations = 0
 
     def objective(parameters: Array) -> float:
-        nonlocal best, evaluations
+        nonlocal lowest_error, evaluations
         evaluations += 1
         error = misfit(parameters, field, flux_density, starts, substeps)
-        if error < best:
-            best = error
-            history.append((time.process_time() - began, error))
+        if error < lowest_error:
+            lowest_error = error
+            history.append((time.process_time() - start_time, error))
         return error
 
-    began = time.process_time()
-    found = differential_evolution(
+    start_time = time.process_time()
+    optimum = differential_evolution(
         objective,
         list(bounds.values()),
         strategy="best1bin",
@@ -167,20 +167,20 @@ def run(
         maxiter=maxiter,
         rng=seed,
     )
-    seconds = time.process_time() - began
+    seconds = time.process_time() - start_time
     return {
-        "sum_of_squares": float(found.fun),
-        "rms_percent": 100 * math.sqrt(found.fun / field.size) / float(np.abs(flux_density).max()),
+        "sum_of_squares": float(optimum.fun),
+        "rms_percent": 100 * math.sqrt(optimum.fun / field.size) / float(np.abs(flux_density).max()),
         "cpu_seconds": seconds,
         "evaluations": evaluations,
-        "parameters": dict(zip(bounds, map(float, found.x), strict=True)),
+        "parameters": dict(zip(bounds, map(float, optimum.x), strict=True)),
         "history": history,
     }
 
 
 def seconds_to_reach(result: Mapping[str, Any], sum_of_squares: float) -> float:
     """Return the processor time until a run reached a sum of squares, s; infinite if it did not."""
-    times = (spent for spent, error in result["history"] if error <= sum_of_squares)
+    times = (seconds for seconds, error in result["history"] if error <= sum_of_squares)
     return float(next(times, math.inf))
 
 
@@ -193,16 +193,16 @@ def main() -> None:
     reach_seconds = []
     for seed in range(parser.parse_args().seeds):
         result = run(seed)
-        best = result["sum_of_squares"]
-        reach_seconds.append([seconds_to_reach(result, error) for error in (0.0227, 1.001 * best)])
+        lowest_sum = result["sum_of_squares"]
+        reach_seconds.append([seconds_to_reach(result, error) for error in (0.0227, 1.001 * lowest_sum)])
         parameters = np.array([*result["parameters"].values()])
         fine_error = misfit(parameters, field, flux_density, starts, 16 * SUBSTEPS)
         print(
-            f"{seed:4d}  {best:.6f}    {fine_error:.6f}  {result['rms_percent']:.3f} %"
+            f"{seed:4d}  {lowest_sum:.6f}    {fine_error:.6f}  {result['rms_percent']:.3f} %"
             f"  {reach_seconds[-1][0]:9.3f}  {reach_seconds[-1][1]:15.3f}"
             f"  {result['cpu_seconds']:9.3f}  {result['evaluations']:11d}"
         )
-    median = [statistics.median(column) for column in zip(*reach_seconds, strict=True)]
+    median = [statistics.median(seed_seconds) for seed_seconds in zip(*reach_seconds, strict=True)]
     print(f"\nmedian: {median[0]:.3f} s to 0.0227 T^2, {median[1]:.3f} s to 0.1 % above the best fit")
 
 

@@ -45,7 +45,7 @@ class Iron:
     """One iron of the comparison, its identified model and its controllers."""
 
     rig: BodyRig
-    at: OperatingPoint
+    operating_point: OperatingPoint
     knowledge: IdentifiedMagnet
     setups: Mapping[MethodName, BearingSetup]
 
@@ -54,11 +54,15 @@ class Iron:
         """The reversible fraction, and whether the iron is pathological, for tables."""
         steel = self.rig.settings.steel
         assert isinstance(steel, CellSteel)
-        share = f"{steel.reversible_fraction:g}"
-        return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
+        fraction_text = f"{steel.reversible_fraction:g}"
+        return (
+            f"{fraction_text} (pathological)"
+            if self.operating_point.slopes.label == "pathological"
+            else fraction_text
+        )
 
 
-def read() -> tuple[BodyRig, ControllerFile]:
+def read_example() -> tuple[BodyRig, ControllerFile]:
     """Read the rig and the controller of the example."""
     return read_bearing(FOLDER / "rig.toml"), read_controller(FOLDER / "controller.toml")
 
@@ -74,28 +78,30 @@ def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron
     return Iron(iron_rig, find_operating_point(iron_rig), knowledge, setups)
 
 
-def same_gains(iron: Iron) -> list[StepCell]:
+def run_same_gains(iron: Iron) -> list[StepCell]:
     """Run steps of every height with every variant and the same gains."""
     gap = iron.rig.settings.gap_m
     load = iron.rig.settings.load.force_N
     return compare_steps(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
-def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
+def mean_overshoots(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
     """Return the mean overshoot of a variant at every height, %; NaN if a run was lost."""
     return [cell.interval("overshoot_percent").mean for cell in cells if cell.variant == variant]
 
 
 def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> str:
     """Return the table of overshoots with confidence intervals, in Markdown."""
-    head = "| iron | variant | " + " | ".join(f"{1e6 * h:.0f} um" for h in HEIGHTS)
-    head += " | settling at 50 um | standstill |"
-    lines = [head, "| --- | --- |" + " --- |" * (len(HEIGHTS) + 2)]
+    header = "| iron | variant | " + " | ".join(f"{1e6 * h:.0f} um" for h in HEIGHTS)
+    header += " | settling at 50 um | standstill |"
+    lines = [header, "| --- | --- |" + " --- |" * (len(HEIGHTS) + 2)]
     for iron, cells in zip(irons, results, strict=True):
         for variant in VARIANTS:
-            mine = [cell for cell in cells if cell.variant == variant]
-            overshoot_texts = [_overshoot_text(cell) for cell in mine]
-            settling, standstill_text = (_mean_text(mine[2], *metric) for metric in (_SETTLING, _STANDSTILL))
+            variant_cells = [cell for cell in cells if cell.variant == variant]
+            overshoot_texts = [_overshoot_text(cell) for cell in variant_cells]
+            settling, standstill_text = (
+                _mean_text(variant_cells[2], *metric) for metric in (_SETTLING, _STANDSTILL)
+            )
             lines.append(
                 f"| {iron.title} | `{variant}` | {' | '.join(overshoot_texts)} | {settling} | {standstill_text} |"
             )
@@ -114,13 +120,13 @@ def _overshoot_text(cell: StepCell) -> str:
     return f"{interval.mean:.2f} ± {interval.half_width:.2f} %{'' if cell.has_overshoot else ' ≤ noise'}"
 
 
-def _mean_text(cell: CaseFigures, name: str, factor: float, form: str, unit: str) -> str:
+def _mean_text(cell: CaseFigures, name: str, factor: float, number_format: str, unit: str) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
-    return f"{factor * cell.interval(name).mean:{form}} {unit}"
+    return f"{factor * cell.interval(name).mean:{number_format}} {unit}"
 
 
-def quiet(rig: BodyRig) -> BodyRig:
+def with_quiet_sensor(rig: BodyRig) -> BodyRig:
     """Return the rig with a sensor of 5 nm rms instead of the encoder."""
     sensor = rig.settings.gap_sensor
     capacitive = GapSensorTable(
@@ -136,16 +142,16 @@ def quiet(rig: BodyRig) -> BodyRig:
 
 def slow_table(irons: Sequence[Iron]) -> str:
     """Return the table of a triangle of 20 um at 1 Hz and steps of 1 um, in Markdown."""
-    shape = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+    triangle = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     lines = [
         "| iron | variant | triangle, rms error | its force error | 1 um, overshoot | settling |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for iron in irons:
-        rig = quiet(iron.rig)
+        rig = with_quiet_sensor(iron.rig)
         setups = {name: BearingSetup(rig, s.compensator, s.controller) for name, s in iron.setups.items()}
         seeds = default_seeds(rig)
-        results = experiments.run_variants(experiments.run_trajectory, setups, seeds, shape)
+        results = experiments.run_variants(experiments.run_trajectory, setups, seeds, triangle)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
         small_steps = compare_steps(list(setups.values()), [gap], [1e-6], [load], seeds)
         for name, cell in zip(setups, small_steps, strict=True):
@@ -158,7 +164,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
     return "\n".join(lines)
 
 
-def in_format(
+def make_setup_in_format(
     iron: Iron, controller: ControllerFile, variant: MethodName, name: NumberFormat
 ) -> BearingSetup:
     """Fit a variant of an iron in another number format."""
@@ -167,76 +173,85 @@ def in_format(
 
 def rows() -> list[Row]:
     """Return all rows of the bearing that have a target."""
-    rig, controller = read()
+    rig, controller = read_example()
     irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
     return [
-        *_claims(irons, [same_gains(iron) for iron in irons]),
-        *_standstill(irons),
-        *_formats(irons[1], controller),
-        *_events(irons[1]),
+        *_overshoot_rows(irons, [run_same_gains(iron) for iron in irons]),
+        *_standstill_rows(irons),
+        *_format_rows(irons[1], controller),
+        *_event_rows(irons[1]),
     ]
 
 
-def _claims(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> list[Row]:
+def _overshoot_rows(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> list[Row]:
     result_rows = []
     for iron, cells in zip(irons, results, strict=True):
-        full = overshoot(cells, "full")
-        reported = {name: overshoot(cells, name) for name in VARIANTS}
-        ratios = [a / b for a, b in zip(full, reported["ratio"], strict=True)]
+        full_overshoots = mean_overshoots(cells, "full")
+        overshoots_by_variant = {name: mean_overshoots(cells, name) for name in VARIANTS}
+        ratios = [
+            full_overshoot / ratio_overshoot
+            for full_overshoot, ratio_overshoot in zip(
+                full_overshoots, overshoots_by_variant["ratio"], strict=True
+            )
+        ]
         result_rows.append(
             Row(
                 f"bearing, same gains, iron {iron.title}: overshoot of full relative to the method ratio",
                 "<= 0.5 at every height",
                 f"{max(ratios):.2f} worst; "
-                + ", ".join(f"{name} {max(values):.2f} %" for name, values in reported.items()),
+                + ", ".join(f"{name} {max(values):.2f} %" for name, values in overshoots_by_variant.items()),
                 all(ratio <= 0.5 for ratio in ratios),
             )
         )
     return result_rows
 
 
-def _standstill(irons: Sequence[Iron]) -> list[Row]:
+def _standstill_rows(irons: Sequence[Iron]) -> list[Row]:
     result_rows = []
     for iron in irons:
         setups = {
-            name: BearingSetup(quiet(iron.rig), setup.compensator, setup.controller)
+            name: BearingSetup(with_quiet_sensor(iron.rig), setup.compensator, setup.controller)
             for name, setup in iron.setups.items()
         }
         results = experiments.run_variants(experiments.run_standstill, setups, default_seeds(iron.rig), None)
-        full = results["full"]
-        reported = ", ".join(_standstill_text(name, metrics) for name, metrics in results.items())
-        reached = not full.lost and full.interval("rms_m").mean <= 10e-9 and not full.cycles
+        full_results = results["full"]
+        metrics_text = ", ".join(_standstill_text(name, metrics) for name, metrics in results.items())
+        is_met = (
+            not full_results.lost and full_results.interval("rms_m").mean <= 10e-9 and not full_results.cycles
+        )
         has_target = iron.rig.settings.iron is not None and iron is not irons[0]
         result_rows.append(
             Row(
                 f"bearing, standstill with a 5 nm sensor, iron {iron.title}",
                 "full <= 10 nm rms, no limit cycle" if has_target else "",
-                reported,
-                reached if has_target else None,
+                metrics_text,
+                is_met if has_target else None,
             )
         )
     return result_rows
 
 
-def _standstill_text(name: str, found: experiments.ExperimentFigures) -> str:
-    cycles = len(found.cycles or ())
-    cycling = f" (limit cycle in {cycles} of {found.runs})" if cycles else ""
-    return f"{name} {_mean_text(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
+def _standstill_text(name: str, metrics: experiments.ExperimentFigures) -> str:
+    cycles = len(metrics.cycles or ())
+    cycle_text = f" (limit cycle in {cycles} of {metrics.runs})" if cycles else ""
+    return f"{name} {_mean_text(metrics, 'rms_m', 1e9, '.1f', 'nm')}{cycle_text}"
 
 
-def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
+def _format_rows(iron: Iron, controller: ControllerFile) -> list[Row]:
     variants: tuple[MethodName, ...] = ("single-valued", "simplified", "full")
     formats: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
     gap, load = iron.rig.settings.gap_m, iron.rig.settings.load.force_N
-    worst, reported = 0.0, []
+    worst_ratio, result_texts = 0.0, []
     for variant in variants:
-        setups = {name: in_format(iron, controller, variant, name) for name in formats}
+        setups = {name: make_setup_in_format(iron, controller, variant, name) for name in formats}
         seeds = default_seeds(iron.rig)
         cells = compare_steps(list(setups.values()), [gap], HEIGHTS, [load], seeds)
-        by = [cells[4 * place : 4 * place + 4] for place in range(len(formats))]
+        cells_by_format = [cells[4 * index : 4 * index + 4] for index in range(len(formats))]
         overshoot_difference = max(
-            abs(a.interval("overshoot_percent").mean - b.interval("overshoot_percent").mean)
-            for a, b in zip(by[0], by[2], strict=True)
+            abs(
+                double_cell.interval("overshoot_percent").mean - fixed_cell.interval("overshoot_percent").mean
+            )
+            for double_cell, fixed_cell in zip(cells_by_format[0], cells_by_format[2], strict=True)
         )
         standstill_rms = [
             experiments.run_variants(experiments.run_standstill, {variant: setup}, seeds, None)[variant]
@@ -244,8 +259,10 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
             .mean
             for setup in (setups["f64"], setups["fixed"])
         ]
-        worst = max(worst, overshoot_difference / 0.5, abs(standstill_rms[1] / standstill_rms[0] - 1.0) / 0.1)
-        reported.append(
+        worst_ratio = max(
+            worst_ratio, overshoot_difference / 0.5, abs(standstill_rms[1] / standstill_rms[0] - 1.0) / 0.1
+        )
+        result_texts.append(
             f"{variant}: {overshoot_difference:.3f} points, "
             f"standstill {1e9 * standstill_rms[0]:.1f} and {1e9 * standstill_rms[1]:.1f} nm"
         )
@@ -253,27 +270,28 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
         Row(
             "bearing, fixed point against f64 in the same loop",
             "overshoot within 0.5 points, standstill within 10 %",
-            "; ".join(reported),
-            worst <= 1.0,
+            "; ".join(result_texts),
+            worst_ratio <= 1.0,
         )
     ]
 
 
-def _events(iron: Iron) -> list[Row]:
+def _event_rows(iron: Iron) -> list[Row]:
     result_rows = []
     for event in experiments.EVENTS:
         seeds = default_seeds(iron.rig)
         results = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
-        key = "recovery_s" if event == "overload" else "excess_s"
-        reported = ", ".join(
-            f"{name} {_mean_text(metrics, key, 1e3, '.1f', 'ms')}" for name, metrics in results.items()
+        metric_name = "recovery_s" if event == "overload" else "excess_s"
+        metrics_text = ", ".join(
+            f"{name} {_mean_text(metrics, metric_name, 1e3, '.1f', 'ms')}"
+            for name, metrics in results.items()
         )
-        what = "back within 1 um after" if event == "overload" else "shows for"
+        title_part = "back within 1 um after" if event == "overload" else "shows for"
         result_rows.append(
             Row(
-                f"bearing, {event}: {what}",
+                f"bearing, {event}: {title_part}",
                 "no loss of levitation",
-                reported,
+                metrics_text,
                 all(metrics.lost == 0 for metrics in results.values()),
             )
         )
@@ -282,13 +300,13 @@ def _events(iron: Iron) -> list[Row]:
 
 def main() -> None:
     """Print the tables."""
-    began = time.perf_counter()
-    rig, controller = read()
+    start_time = time.perf_counter()
+    rig, controller = read_example()
     irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
-    print(steps_table(irons, [same_gains(iron) for iron in irons]))
+    print(steps_table(irons, [run_same_gains(iron) for iron in irons]))
     print()
     print(slow_table(irons))
-    print(f"{time.perf_counter() - began:.0f} s", file=sys.stderr)
+    print(f"{time.perf_counter() - start_time:.0f} s", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -53,18 +53,18 @@ ONLINE_CALIBRATION, TEST_REPETITIONS = "left on", 10
 class UnmodelledEffects:
     """Errors that the controller does not know, in addition to the random errors of a plant."""
 
-    payload: float = 0.0  # relative excess mass of the body
-    cable: float = 0.0  # stiffness of a cable towards the start of the motion, N/m
+    payload_ratio: float = 0.0  # relative excess mass of the body
+    cable_stiffness: float = 0.0  # stiffness of a cable towards the start of the motion, N/m
     late_ticks: float = 0.0  # delay of the currents beyond that of the rig file
-    changes: Mapping[str, Any] = field(default_factory=dict)  # known changes of the rig file
-    compiled: bool = False  # whether PID, allocation and correction run in single precision
+    rig_changes: Mapping[str, Any] = field(default_factory=dict)  # known changes of the rig file
+    is_compiled: bool = False  # whether PID, allocation and correction run in single precision
 
     def law(self, bench: Bench) -> StageLaw:
         """Return the law of a method, from a cache in this process."""
-        key = bench.iron, bench.method, *self.changes
-        if key not in _laws:
-            _laws[key] = StageLaw(change_rig(bench.rig, self.changes), bench.magnet, bench.method)
-        return _laws[key]
+        key = bench.iron, bench.method, *self.rig_changes
+        if key not in _law_cache:
+            _law_cache[key] = StageLaw(change_rig(bench.rig, self.rig_changes), bench.magnet, bench.method)
+        return _law_cache[key]
 
     def track_motion(
         self, setup: StageSetup, drift: Drift, motion: SetPoint, gains: Feedforward, noise: int
@@ -76,12 +76,12 @@ class UnmodelledEffects:
             rig = change_rig(rig, {"timing.delay_ticks": ticks})
         plant = replace(
             setup,
-            rig=compiled_rig(rig) if self.compiled else rig,
-            number_format="f32" if self.compiled else "f64",
-            drift=replace(drift, mass=self.payload, cable=self.cable),
+            rig=compiled_rig(rig) if self.is_compiled else rig,
+            number_format="f32" if self.is_compiled else "f64",
+            drift=replace(drift, mass=self.payload_ratio, cable=self.cable_stiffness),
         )
-        early = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
-        return track(plant, motion, early, noise)
+        shifted_gains = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
+        return track(plant, motion, shifted_gains, noise)
 
 
 KNOWN_LOADS = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
@@ -91,15 +91,15 @@ MOVE = "calibrated on the move of excite --calibrate"
 UNMODELLED_CASES = {
     "": UnmodelledEffects(),
     MOVE: UnmodelledEffects(),
-    "payload and cable allowed for": UnmodelledEffects(changes=KNOWN_LOADS),
-    "payload +5 %": UnmodelledEffects(payload=0.05, changes=KNOWN_LOADS),
-    "payload +5 %, not allowed for": UnmodelledEffects(payload=0.05),
-    "mass +0.5 %": UnmodelledEffects(payload=0.005),
-    "cable 50 N/m": UnmodelledEffects(cable=50.0, changes=KNOWN_LOADS),
+    "payload and cable allowed for": UnmodelledEffects(rig_changes=KNOWN_LOADS),
+    "payload +5 %": UnmodelledEffects(payload_ratio=0.05, rig_changes=KNOWN_LOADS),
+    "payload +5 %, not allowed for": UnmodelledEffects(payload_ratio=0.05),
+    "mass +0.5 %": UnmodelledEffects(payload_ratio=0.005),
+    "cable 50 N/m": UnmodelledEffects(cable_stiffness=50.0, rig_changes=KNOWN_LOADS),
     "half a tick late": UnmodelledEffects(late_ticks=0.5),
     "half a tick early": UnmodelledEffects(late_ticks=-0.5),
-    "position noise 5 nm": UnmodelledEffects(changes={"position_sensor.noise_m": 5e-9}),
-    COMPILED: UnmodelledEffects(compiled=True),
+    "position noise 5 nm": UnmodelledEffects(rig_changes={"position_sensor.noise_m": 5e-9}),
+    COMPILED: UnmodelledEffects(is_compiled=True),
 }
 
 
@@ -113,10 +113,10 @@ class Bench:
     method: MethodName
     gains: Feedforward  # gains without calibration
     calibrated_gains: Feedforward  # gains with active calibration
-    taught: SetPoint  # motion for the calibration
+    calibration_motion: SetPoint  # motion for the calibration
 
 
-_laws: dict[tuple[str, ...], StageLaw] = {}
+_law_cache: dict[tuple[str, ...], StageLaw] = {}
 
 
 def make_bench(case: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
@@ -124,14 +124,14 @@ def make_bench(case: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench
     iron, rig, magnet, method = case
     law = StageLaw(rig, magnet, method)
     nominal_setup = StageSetup(rig, law.compensator(0.0))
-    gains, calibrated_setup = find_gains(nominal_setup, training_motion(rig)), training_motion(rig)
+    gains, calibration_motion = find_gains(nominal_setup, training_motion(rig)), training_motion(rig)
     if iron == MOVE:
-        (calibrated_setup,) = select_legs(ParameterEstimator(law), nominal_setup).values()
-    run = track(nominal_setup, calibrated_setup, gains, 100)
-    calibrated = find_gains(
+        (calibration_motion,) = select_legs(ParameterEstimator(law), nominal_setup).values()
+    run = track(nominal_setup, calibration_motion, gains, 100)
+    calibrated_gains = find_gains(
         law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)])), training_motion(rig)
     )
-    return Bench(iron, rig, magnet, method, gains, calibrated, calibrated_setup)
+    return Bench(iron, rig, magnet, method, gains, calibrated_gains, calibration_motion)
 
 
 @dataclass(frozen=True)
@@ -139,10 +139,10 @@ class Trial:
     """One plant with one method."""
 
     bench: Bench
-    plant: int
+    plant_number: int
     scans: tuple[int, ...] = SCANS
-    errors: str = "all"
-    world: str = ""
+    error_case: str = "all"
+    effect_name: str = ""
 
     def run_online_calibration(self) -> tuple[list[Measures], CalibratedMethod]:
         """Return the metrics after training, and after repetitions of the test set-point.
@@ -150,48 +150,52 @@ class Trial:
         The stage estimates its parameters from every motion; the correction follows at a bounded
         rate.
         """
-        bench, drift = self.bench, sample_plant(self.plant)
+        bench, drift = self.bench, sample_plant(self.plant_number)
         learner = ParameterEstimator(UNMODELLED_CASES[""].law(bench), FORGETTING_TIME_S)
         scan, gains = bench.rig.settings.scan, bench.calibrated_gains
         for number in range(TRAINING_SCANS):
             learner.run_and_update(
-                drift, training_motion(bench.rig), gains, 1000 * (self.plant + 1) + number + 1
+                drift, training_motion(bench.rig), gains, 1000 * (self.plant_number + 1) + number + 1
             )
         motion = scan_motion(scan, scan.test_m_per_s2)
         runs = [
-            learner.run_and_update(drift, motion, gains, 1000 * (self.plant + 1) + 100 + number)
+            learner.run_and_update(drift, motion, gains, 1000 * (self.plant_number + 1) + 100 + number)
             for number in range(1 + TEST_REPETITIONS)
         ]
-        figures = [measure(run, motion, scan.slit_s) for run in (runs[0], runs[-1])]
-        return figures, learner.calibration
+        metrics = [measure(run, motion, scan.slit_s) for run in (runs[0], runs[-1])]
+        return metrics, learner.calibration
 
     def run(self) -> tuple[list[Measures], CalibratedMethod]:
         """Calibrate one plant."""
-        return self.run_online_calibration() if self.world == ONLINE_CALIBRATION else self.run_calibration()
+        return (
+            self.run_online_calibration()
+            if self.effect_name == ONLINE_CALIBRATION
+            else self.run_calibration()
+        )
 
     def run_calibration(self) -> tuple[list[Measures], CalibratedMethod]:
         """Return the metrics before and after each number of scans, and the last calibration."""
-        bench, noise = self.bench, 1000 * (self.plant + 1)
-        drift = sample_plant(self.plant).select(ERROR_CASES[self.errors])
-        world = UNMODELLED_CASES[self.world]
-        law, gains = world.law(bench), bench.gains
+        bench, noise = self.bench, 1000 * (self.plant_number + 1)
+        drift = sample_plant(self.plant_number).select(ERROR_CASES[self.error_case])
+        effects = UNMODELLED_CASES[self.effect_name]
+        law, gains = effects.law(bench), bench.gains
         rig = law.rig
         setup = StageSetup(rig, law.compensator(0.0))
 
-        def judged() -> Measures:
+        def measure_test() -> Measures:
             motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
-            run = world.track_motion(setup, drift, motion, gains, noise)
+            run = effects.track_motion(setup, drift, motion, gains, noise)
             return measure(run, motion, rig.settings.scan.slit_s)
 
-        figures, learner = [judged()], ParameterEstimator(law)
+        metrics, learner = [measure_test()], ParameterEstimator(law)
         for scan in range(1, max(self.scans) + 1):
-            run = world.track_motion(setup, drift, bench.taught, gains, noise + scan)
+            run = effects.track_motion(setup, drift, bench.calibration_motion, gains, noise + scan)
             learner.update(law.make_motion(run.columns))
             setup = law.corrected_stage(learner.calibration)
             gains = bench.calibrated_gains if learner.calibration.is_applied else bench.gains
             if scan in self.scans:
-                figures.append(judged())
-        return figures, learner.calibration
+                metrics.append(measure_test())
+        return metrics, learner.calibration
 
 
 def training_motion(rig: BodyRig) -> SetPoint:

@@ -92,15 +92,15 @@ def plant_of(rig: BodyRig) -> Plant:
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
     steel, sensor = rig.settings.steel, rig.settings.gap_sensor
-    gain, reset = current_controller_gains(rig)
-    stop = 2.0 * math.pi * STOP_RESONANCE_HZ
+    current_gain, integral_gain = current_controller_gains(rig)
+    stop_rad_per_s = 2.0 * math.pi * STOP_RESONANCE_HZ
     assert isinstance(steel, CellSteel)
     return Plant(
         thresholds=steel.thresholds,
         weights=steel.weights,
-        sharp=steel.saturation_sharp_T,
+        sharp_saturation=steel.saturation_sharp_T,
         knee_sharp=steel.knee_sharp_A_per_m,
-        slow=steel.saturation_slow_T,
+        slow_saturation=steel.saturation_slow_T,
         knee_slow=steel.knee_slow_A_per_m,
         turns=float(poles.turns),
         resistance=poles.resistance,
@@ -108,15 +108,15 @@ def plant_of(rig: BodyRig) -> Plant:
         area=poles.area,
         width=poles.width,
         depth=poles.depth,
-        leakage=poles.leakage,
-        supply=rig.settings.amplifier.supply,
-        gain=gain,
-        reset=reset,
-        mass=mechanics.mass_kg,
+        leakage_permeance=poles.leakage,
+        supply_voltage=rig.settings.amplifier.supply,
+        current_gain=current_gain,
+        current_integral_gain=integral_gain,
+        mass_kg=mechanics.mass_kg,
         stop_low=mechanics.stop_low_m,
         stop_high=mechanics.stop_high_m,
-        stop_stiffness=mechanics.mass_kg * stop * stop,
-        stop_damping=mechanics.mass_kg * stop,
+        stop_stiffness=mechanics.mass_kg * stop_rad_per_s * stop_rad_per_s,
+        stop_damping=mechanics.mass_kg * stop_rad_per_s,
         load_corner=2.0 * math.pi * rig.settings.load.bandwidth_Hz,
         sensor_corner=2.0 * math.pi * sensor.bandwidth_Hz,
         sensor_low=sensor.low_m,
@@ -135,14 +135,14 @@ def control_of(setup: BearingSetup) -> Control:
         proportional=p,
         integral=k,
         derivative=d,
-        second=e,
-        back=back,
+        acceleration_gain=e,
+        anti_windup_gain=back,
         smoothing=s,
         smoothing_2=t,
-        weight=weight,
-        low=low,
-        high=high,
-        middle=setup.position_control.gap_middle,
+        set_point_weight=weight,
+        demand_low=low,
+        demand_high=high,
+        gap_middle=setup.position_control.gap_middle,
         currents=law.entries,
         gap_low=law.scales.gap_low,
         gap_high=law.scales.gap_high,
@@ -154,8 +154,10 @@ def control_of(setup: BearingSetup) -> Control:
 
 def memory_of(control: Control, gap: float, force: float) -> Array:
     """Return the state of a PIDD2 that holds a position and requests a force."""
-    at = control.middle - gap
-    return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
+    position = control.gap_middle - gap
+    return np.array(
+        [position, 0.0, force - control.proportional * (control.set_point_weight - 1.0) * position]
+    )
 
 
 def find_equilibrium(simulator: Simulator, gap: float, load: float) -> float:
@@ -169,11 +171,11 @@ def find_equilibrium(simulator: Simulator, gap: float, load: float) -> float:
     return current
 
 
-def processor_seconds(work: Callable[[], object]) -> float:
+def processor_seconds(function: Callable[[], object]) -> float:
     """Return the processor time, s."""
-    began = time.process_time()
-    work()
-    return time.process_time() - began
+    start_time = time.process_time()
+    function()
+    return time.process_time() - start_time
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,7 @@ class SpeedResult:
     """One simulator in the same loop."""
 
     name: str
-    factor: float
+    real_time_factor: float
     """Ratio of simulated time to processor time."""
     overshoot: float
     """Overshoot of the largest upward step, % of its height."""
@@ -189,25 +191,25 @@ class SpeedResult:
 
 def overshoot(case: Case, gap: Array) -> float:
     """Return the overshoot of the largest upward step, % of its height."""
-    place = int(np.argmax(HEIGHTS))
+    largest_index = int(np.argmax(HEIGHTS))
     ticks = round(HOLD_S / case.rig.dt)
-    _, upper = step_ends(case.rig.settings.gap_m, HEIGHTS[place])
-    step = gap[(2 * place + 1) * ticks : (2 * place + 2) * ticks]
-    return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
+    _, upper = step_ends(case.rig.settings.gap_m, HEIGHTS[largest_index])
+    step_gaps = gap[(2 * largest_index + 1) * ticks : (2 * largest_index + 2) * ticks]
+    return float(100.0 * (upper - np.min(step_gaps)) / HEIGHTS[largest_index])
 
 
 def measure_project(case: Case, variant: MethodName, number_format: NumberFormat) -> SpeedResult:
     """Simulate with the complete plant of this project; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
-    start = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
-    lift = start.lift_off(case.controller.settings).build()
+    builder = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
+    lift = builder.lift_off(case.controller.settings).build()
     best_seconds, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
         loop = SimulatedLoop(setup)
         loop.run(lift)
-        began = time.process_time()
+        start_time = time.process_time()
         run = loop.run(scenario)
-        best_seconds = min(best_seconds, time.process_time() - began)
+        best_seconds = min(best_seconds, time.process_time() - start_time)
         gap = run["gap_m"]
     return SpeedResult(f"{variant} in {number_format}", SECONDS / best_seconds, overshoot(case, gap))
 
@@ -217,32 +219,32 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
     control = control_of(case.setup("single-valued", "f64"))
-    noise = rig.settings.gap_sensor.noise_m
-    drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
+    noise_rms = rig.settings.gap_sensor.noise_m
+    sensor_noise = noise_rms * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = find_equilibrium(simulator, gap, load)
     best_seconds, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
     for _ in range(repetitions):
         simulator.start(gap, current, load)
         memory = memory_of(control, gap, load)
-        began = time.process_time()
-        run = simulator.run(control, memory, scenario.target, scenario.load, drawn)
-        best_seconds = min(best_seconds, time.process_time() - began)
+        start_time = time.process_time()
+        run = simulator.run(control, memory, scenario.target, scenario.load, sensor_noise)
+        best_seconds = min(best_seconds, time.process_time() - start_time)
     return SpeedResult(name, SECONDS / best_seconds, overshoot(case, run.gap))
 
 
 def open_loop(simulator: Simulator, current: float, load: float, gap: float) -> Array:
     """Return gap and force at each tick of 3 ms of varying commands."""
     simulator.start(gap, current, load)
-    moves = [current + 0.4 * math.sin(0.9 * tick) for tick in range(60)]
-    return np.array([simulator.advance(command, load) for command in moves])
+    commands = [current + 0.4 * math.sin(0.9 * tick) for tick in range(60)]
+    return np.array([simulator.advance(command, load) for command in commands])
 
 
 class ProjectPlant:
     """The plant of this project with the interface of the baselines."""
 
     def __init__(self, rig: BodyRig, substeps: int) -> None:
-        substep_count = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
-        self._rig = change_rig(rig, substep_count)
+        rig_changes = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
+        self._rig = change_rig(rig, rig_changes)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold the position with the load as weight; return the magnet's force, N."""
@@ -259,17 +261,17 @@ class ProjectPlant:
         return self._plant.gap, self._plant.force
 
 
-def errors(rig: BodyRig, fliers: dict[str, Simulator]) -> dict[str, float]:
+def errors(rig: BodyRig, simulators: dict[str, Simulator]) -> dict[str, float]:
     """Return the rms force errors relative to the force range, against 64 sub-steps."""
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     reference_plant = ProjectPlant(rig, 64)
     current = find_equilibrium(reference_plant, gap, load)
     true_force = open_loop(reference_plant, current, load, gap)[:, 1]
-    found = {}
-    for name, simulator in fliers.items():
+    rms_errors = {}
+    for name, simulator in simulators.items():
         force = open_loop(simulator, current, load, gap)[:, 1]
-        found[name] = float(np.sqrt(np.mean((force - true_force) ** 2)) / np.ptp(true_force))
-    return found
+        rms_errors[name] = float(np.sqrt(np.mean((force - true_force) ** 2)) / np.ptp(true_force))
+    return rms_errors
 
 
 @dataclass(frozen=True)
@@ -326,29 +328,30 @@ def measure() -> tuple[list[SpeedResult], dict[str, float], list[SolverTrial], S
         ("simplified", "fixed"),
         ("single-valued", "f64"),
     ]
-    found = [measure_project(case, *variant) for variant in variants]
-    found.append(baseline(case, numba, "numba, map", REPETITIONS))
+    project_results = [measure_project(case, *variant) for variant in variants]
+    project_results.append(baseline(case, numba, "numba, map", REPETITIONS))
     scipy = ByScipy(plant, selected_setting.method, selected_setting.tolerance)
-    found.append(
+    project_results.append(
         baseline(case, scipy, f"SciPy {selected_setting.method} {selected_setting.tolerance:g}, map", 1)
     )
-    return found, accuracy, trials, selected_setting
+    return project_results, accuracy, trials, selected_setting
 
 
 def rows() -> list[Row]:
     """Return the rows: this project with compiled `full`, and the baselines with a map."""
-    found, accuracy, _, selected_setting = measure()
-    full_result, *_, map_result, numba, scipy = found
+    project_results, accuracy, _, selected_setting = measure()
+    full_result, *_, map_result, numba, scipy = project_results
     return [
         Row(
             "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: "
             "simulated time / processor time",
             ">= 25 (goal 50), with baselines",
-            f"{full_result.factor:.1f}; with a map as the baselines {map_result.factor:.1f}, "
-            f"numba {numba.factor:.1f}, SciPy ({selected_setting.method}, {selected_setting.tolerance:g}) "
-            f"{scipy.factor:.3f}; `full` against numba {full_result.factor / numba.factor:.2f}, "
-            f"against SciPy {full_result.factor / scipy.factor:.0f}",
-            full_result.factor >= 25.0,
+            f"{full_result.real_time_factor:.1f}; with a map as the baselines {map_result.real_time_factor:.1f}, "
+            f"numba {numba.real_time_factor:.1f}, SciPy ({selected_setting.method}, {selected_setting.tolerance:g}) "
+            f"{scipy.real_time_factor:.3f}; "
+            f"`full` against numba {full_result.real_time_factor / numba.real_time_factor:.2f}, "
+            f"against SciPy {full_result.real_time_factor / scipy.real_time_factor:.0f}",
+            full_result.real_time_factor >= 25.0,
         ),
         Row(
             "open-loop force error against 64 sub-steps",
@@ -373,6 +376,6 @@ if __name__ == "__main__":
         print(f"error of {name}: {100 * value:.5f} %")
     for simulator in measured:
         print(
-            f"{simulator.name:28s} {simulator.factor:8.3f} times real time, overshoot "
+            f"{simulator.name:28s} {simulator.real_time_factor:8.3f} times real time, overshoot "
             f"{simulator.overshoot:.2f} %"
         )

@@ -17,7 +17,7 @@ from pathlib import Path
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 TASKS_ASSIGNED = 2
 """Number of tasks that dask assigns to a worker of one thread: one runs, one waits."""
-PATIENCE_S = 120.0
+START_TIMEOUT_S = 120.0
 
 WORKERS_PROGRAM = """
 import asyncio, sys
@@ -50,54 +50,54 @@ def _process_seconds(process: int) -> float:
 
 
 @contextmanager
-def cluster(workers: int, *, together: bool = False) -> Iterator[Cluster]:
+def cluster(workers: int, *, in_one_process: bool = False) -> Iterator[Cluster]:
     """Start a scheduler and workers of one thread each; stop them at the end.
 
     Parameters
     ----------
     workers : int
         Number of workers.
-    together : bool
+    in_one_process : bool
         Whether all workers run in one process. Otherwise, each worker runs in a separate process.
     """
     from distributed import Client
 
-    with tempfile.TemporaryDirectory(prefix="anhyst-cluster-") as place:
-        file = Path(place) / "scheduler.json"
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": place}
-        python = [sys.executable, "-m"]
-        main = subprocess.Popen(
-            [*python, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1",
+    with tempfile.TemporaryDirectory(prefix="anhyst-cluster-") as folder_name:
+        file = Path(folder_name) / "scheduler.json"
+        process_options = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder_name}
+        python_command = [sys.executable, "-m"]
+        scheduler_process = subprocess.Popen(
+            [*python_command, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1",
              "--no-dashboard", "--scheduler-file", str(file)],
-            **quiet,  # type: ignore[call-overload]
+            **process_options,  # type: ignore[call-overload]
         )  # fmt: skip
-        started = [main]
+        processes = [scheduler_process]
         try:
-            address = _address(file)
+            address = _wait_for_address(file)
             command = (
                 [sys.executable, "-c", WORKERS_PROGRAM, address, str(workers)]
-                if together
-                else [*python, "distributed.cli.dask_worker", address, "--no-nanny",
+                if in_one_process
+                else [*python_command, "distributed.cli.dask_worker", address, "--no-nanny",
                       "--nthreads", "1", "--no-dashboard"]
             )  # fmt: skip
-            hands = [
-                subprocess.Popen(command, **quiet)  # type: ignore[call-overload]
-                for _ in range(1 if together else workers)
+            worker_processes = [
+                subprocess.Popen(command, **process_options)  # type: ignore[call-overload]
+                for _ in range(1 if in_one_process else workers)
             ]
-            started += hands
+            processes += worker_processes
             with Client(address, set_as_default=False) as client:  # type: ignore[no-untyped-call]
-                client.wait_for_workers(workers, timeout=PATIENCE_S)
-            yield Cluster(address, main.pid, tuple(child.pid for child in hands))
+                client.wait_for_workers(workers, timeout=START_TIMEOUT_S)
+            yield Cluster(address, scheduler_process.pid, tuple(child.pid for child in worker_processes))
         finally:
-            for process in reversed(started):
+            for process in reversed(processes):
                 process.kill()
                 process.wait()
 
 
-def _address(file: Path) -> str:
-    end = time.monotonic() + PATIENCE_S
+def _wait_for_address(file: Path) -> str:
+    deadline = time.monotonic() + START_TIMEOUT_S
     while not file.exists():
-        if time.monotonic() > end:
+        if time.monotonic() > deadline:
             raise TimeoutError("the scheduler did not start")
         time.sleep(0.1)
     return str(json.loads(file.read_text())["address"])

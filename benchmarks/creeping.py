@@ -88,16 +88,16 @@ def evaluate_iron(iron: tuple[str, int]) -> tuple[str, bool, float, float, float
     """Return the law, whether a warning was given, and the errors of curve, cells and law, nm."""
     rig = with_iron(read_stage(RIG), sample_iron_table(*iron))
     loops = measure_loops(rig)
-    cells = identify_magnet(loops, rig.settings.loops)
+    cell_magnet = identify_magnet(loops, rig.settings.loops)
     with warnings.catch_warnings(record=True) as warnings_given:
         warnings.simplefilter("always", ReturnPointMemoryWarning)
         selected_law = identify_stage_magnet(rig, loops)
     curve_error, cells_error = (
-        measure_moving_average(rig, cells, name) for name in ("single-valued", "full")
+        measure_moving_average(rig, cell_magnet, name) for name in ("single-valued", "full")
     )
     chosen_error = (
         cells_error
-        if selected_law.model.law == cells.model.law
+        if selected_law.model.law == cell_magnet.model.law
         else measure_moving_average(rig, selected_law, "full")
     )
     return selected_law.model.law, bool(warnings_given), curve_error, cells_error, chosen_error
@@ -105,7 +105,7 @@ def evaluate_iron(iron: tuple[str, int]) -> tuple[str, bool, float, float, float
 
 def rows() -> list[Row]:
     """Return a row for each iron."""
-    irons = [(family, one) for family, count in COUNTS.items() for one in range(count)]
+    irons = [(family, iron_number) for family, count in COUNTS.items() for iron_number in range(count)]
     result_rows = []
     for (family, number), (law, has_warned, curve, cells_error, selected_error) in zip(
         irons, map_ordered(evaluate_iron, irons), strict=True

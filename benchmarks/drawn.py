@@ -24,12 +24,12 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 from anhyst_rigs.rig.parts.magnet import Poles
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
-from drawn_irons import Answer, Core, Iron, Job, answers
+from drawn_irons import Core, Iron, Job, Response, compute_responses
 from rows import ROOT
 
-COUNT: int = SETTINGS["count"]
+DRAW_COUNT: int = SETTINGS["count"]
 
-CYCLES = 3
+CYCLE_COUNT = 3
 """Number of cycles before a record, of the whole range or of the recorded loop."""
 
 _MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
@@ -50,7 +50,7 @@ class Test:
     schedule : ndarray, shape (n,), or None
         Gap, m.
     history : History
-    counted : ndarray of bool, shape (n,)
+    evaluated_mask : ndarray of bool, shape (n,)
         Samples that are evaluated; False for the samples before the first of them.
     """
 
@@ -59,7 +59,7 @@ class Test:
     output: FloatArray
     schedule: FloatArray | None
     history: History
-    counted: NDArray[np.bool_]
+    evaluated_mask: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Draw:
     ----------
     number : int
     family : str
-    true : mapping of str to Any
+    true_parameters : mapping of str to Any
         The sampled parameters.
     loops : Loops
         The measured loops.
@@ -79,7 +79,7 @@ class Draw:
 
     number: int
     family: str
-    true: Mapping[str, Any]
+    true_parameters: Mapping[str, Any]
     loops: Loops
     tests: tuple[Test, ...]
 
@@ -90,12 +90,12 @@ class _Record:
 
     kind: str
     label: str
-    lead: tuple[float, ...]
+    lead_points: tuple[float, ...]
     history: str  # settled, demagnetised or conditioned
-    stated: tuple[float, ...]
+    history_points: tuple[float, ...]
     current: FloatArray
     gap: FloatArray
-    since: int = 0  # first sample that counts
+    first_evaluated: int = 0  # first sample that counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,25 +104,25 @@ class _Plan:
 
     number: int
     family: str
-    true: dict[str, Any]
+    true_parameters: dict[str, Any]
     core: Core
     iron: Iron
     records: list[_Record]
 
     def jobs(self) -> list[Job]:
         """Return the paths of all records."""
-        found = []
+        record_jobs = []
         for record in self.records:
-            lead = np.array(record.lead)
-            gap = np.concatenate([np.full(lead.size, record.gap[0]), record.gap])
-            found.append(Job(self.iron, self.core, np.concatenate([lead, record.current]), gap))
-        return found
+            lead_points = np.array(record.lead_points)
+            gap = np.concatenate([np.full(lead_points.size, record.gap[0]), record.gap])
+            record_jobs.append(Job(self.iron, self.core, np.concatenate([lead_points, record.current]), gap))
+        return record_jobs
 
 
-def _size_core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
+def _size_core(magnet: dict[str, Any], true_iron: dict[str, Any]) -> tuple[Core, FloatArray]:
     """Choose the size of a magnet from the force at its smallest gap; return it and the gaps, m."""
-    field = magnet["saturating"] * true["knee_sharp"]
-    density = true["saturation_sharp"] * field / (field + true["knee_sharp"])
+    field = magnet["saturating"] * true_iron["knee_sharp"]
+    density = true_iron["saturation_sharp"] * field / (field + true_iron["knee_sharp"])
     area = magnet["force_N"] * MU_0 / density**2
     width = float(np.sqrt(area / magnet["aspect"]))
     smallest_gap = magnet["smallest_gap"] * width
@@ -138,7 +138,7 @@ def _size_core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, Floa
         joints=magnet["joints"] * smallest_gap,
     )
     core = Core(poles, magnet["ring"])
-    excitation = poles.iron_length * field + float(core.outer(gaps)[0]) * area * density
+    excitation = poles.iron_length * field + float(core.outer_reluctance(gaps)[0]) * area * density
     poles = replace(poles, turns=float(max(1.0, round(excitation / magnet["current_A"]))))
     magnet["current_A"] = excitation / poles.turns
     return replace(core, poles=poles), gaps
@@ -148,103 +148,128 @@ def _gaps(magnet: dict[str, Any], smallest_gap: float) -> FloatArray:
     count = magnet["gaps"]
     if count == 1:
         return np.array([smallest_gap])
-    places = np.arange(count) / (count - 1.0)
-    places[1:-1] += magnet["unevenness"] / (count - 1.0) * (-1.0) ** np.arange(count - 2)
-    return np.asarray(smallest_gap * magnet["gap_range"] ** places)
+    exponents = np.arange(count) / (count - 1.0)
+    exponents[1:-1] += magnet["unevenness"] / (count - 1.0) * (-1.0) ** np.arange(count - 2)
+    return np.asarray(smallest_gap * magnet["gap_range"] ** exponents)
 
 
-def _sweep_samples(ends: list[float], step: float) -> FloatArray:
+def _sweep_samples(reversal_points: list[float], sample_step: float) -> FloatArray:
     """Return straight ramps between points, evenly sampled."""
-    parts = [np.array(ends[:1])]
-    for start, end in pairwise(ends):
-        count = max(6, round(abs(end - start) / step))
-        parts.append(np.linspace(start, end, count + 1)[1:])
-    return np.concatenate(parts)
+    ramp_samples = [np.array(reversal_points[:1])]
+    for start, end in pairwise(reversal_points):
+        count = max(6, round(abs(end - start) / sample_step))
+        ramp_samples.append(np.linspace(start, end, count + 1)[1:])
+    return np.concatenate(ramp_samples)
 
 
-def _ranges(
-    drive: dict[str, Any], ring: bool, top: float, rng: np.random.Generator
+def _sample_loop_limits(
+    drive: dict[str, Any], is_ring: bool, largest_input: float, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
     """Return the limits of the loops at every gap, the largest loop first."""
-    is_bipolar = ring or drive["bipolar"]
-    found = [(-top if is_bipolar else 0.0, top)]
-    for _ in range(drive["ring_loops" if ring else "loops"] - 1):
+    is_bipolar = is_ring or drive["bipolar"]
+    limits_list = [(-largest_input if is_bipolar else 0.0, largest_input)]
+    for _ in range(drive["ring_loops" if is_ring else "loops"] - 1):
         loop_limits = from_ranges({name: SETTINGS["drive"][name] for name in
                        ("biased", "inner_size", "biased_low", "biased_high")}, rng)  # fmt: skip
         if loop_limits["biased"]:
-            found.append((loop_limits["biased_low"] * top, loop_limits["biased_high"] * top))
+            limits_list.append(
+                (loop_limits["biased_low"] * largest_input, loop_limits["biased_high"] * largest_input)
+            )
         else:
-            size = loop_limits["inner_size"] * top
-            found.append((-size if is_bipolar else 0.0, size))
-    return found
+            amplitude = loop_limits["inner_size"] * largest_input
+            limits_list.append((-amplitude if is_bipolar else 0.0, amplitude))
+    return limits_list
 
 
 def _measured_records(
     drive: dict[str, Any], ranges: list[tuple[float, float]], gap: float, rng: np.random.Generator
 ) -> list[_Record]:
     """Return the records of all loops at a gap."""
-    start, whole = drive["start"], ranges[0]
-    step = (whole[1] - whole[0]) / drive["samples"]
-    all_of_it = (*CYCLES * whole, whole[0]) if whole[0] < 0.0 else (0.0, *CYCLES * (whole[1], 0.0))
-    found = []
-    for number, (low, high) in enumerate(ranges, start=1):
-        stated: tuple[float, ...] = ()
-        if start.startswith("settled"):
-            stated = (0.0, whole[1], 0.0) if start == "settled-after-max" else ()
-            cycle = _sweep_samples([low, high, low], step)
+    initial_state, largest_range = drive["start"], ranges[0]
+    current_step = (largest_range[1] - largest_range[0]) / drive["samples"]
+    conditioning_points = (
+        (*CYCLE_COUNT * largest_range, largest_range[0])
+        if largest_range[0] < 0.0
+        else (0.0, *CYCLE_COUNT * (largest_range[1], 0.0))
+    )
+    loop_records = []
+    for loop_number, (low, high) in enumerate(ranges, start=1):
+        history_points: tuple[float, ...] = ()
+        if initial_state.startswith("settled"):
+            history_points = (0.0, largest_range[1], 0.0) if initial_state == "settled-after-max" else ()
+            cycle = _sweep_samples([low, high, low], current_step)
             reversal = int(rng.random() * (cycle.size - 1))
-            lead = (*stated, *CYCLES * (low, high), low)
-            lead += (
+            lead_points = (*history_points, *CYCLE_COUNT * (low, high), low)
+            lead_points += (
                 (high, float(cycle[reversal])) if cycle.size <= 2 * reversal else (float(cycle[reversal]),)
             )
             current = np.concatenate([cycle[reversal:], cycle[1 : reversal + 1]])
-        elif start == "demagnetised":
-            lead, current = (), _sweep_samples([low, high, low, high, low], step)
+        elif initial_state == "demagnetised":
+            lead_points, current = (), _sweep_samples([low, high, low, high, low], current_step)
         else:
-            lead, stated = all_of_it, all_of_it
-            current = _sweep_samples([low, high, low], step)
-        found.append(
-            _Record("", str(number), lead, start.split("-")[0], stated, current, np.full(current.size, gap))
+            lead_points, history_points = conditioning_points, conditioning_points
+            current = _sweep_samples([low, high, low], current_step)
+        loop_records.append(
+            _Record(
+                "",
+                str(loop_number),
+                lead_points,
+                initial_state.split("-")[0],
+                history_points,
+                current,
+                np.full(current.size, gap),
+            )
         )
-    return found
+    return loop_records
 
 
 def _test_records(
-    plan: tuple[dict[str, Any], list[tuple[float, float]]], gaps: FloatArray, top: float,
+    plan: tuple[dict[str, Any], list[tuple[float, float]]], gaps: FloatArray, largest_current: float,
     rng: np.random.Generator,
 ) -> list[_Record]:  # fmt: skip
     """Return the test records; each starts after cycles of the whole range."""
     drive, ranges = plan
-    tests, (low, high) = SETTINGS["tests"], ranges[0]
-    step = (high - low) / tests["samples"]
-    lead = (*CYCLES * (low, high), low) if low < 0.0 else (0.0, *CYCLES * (high, 0.0))
-    between = [float(np.sqrt(one * test_gaps)) for one, test_gaps in pairwise(gaps)]
-    test_gap = [between[0], between[-1]] if len(between) > 1 else between
+    tests, (low_limit, high_limit) = SETTINGS["tests"], ranges[0]
+    current_step = (high_limit - low_limit) / tests["samples"]
+    lead_points = (
+        (*CYCLE_COUNT * (low_limit, high_limit), low_limit)
+        if low_limit < 0.0
+        else (0.0, *CYCLE_COUNT * (high_limit, 0.0))
+    )
+    intermediate_gaps = [
+        float(np.sqrt(smaller_gap * larger_gap)) for smaller_gap, larger_gap in pairwise(gaps)
+    ]
+    tested_gaps = (
+        [intermediate_gaps[0], intermediate_gaps[-1]] if len(intermediate_gaps) > 1 else intermediate_gaps
+    )
 
-    def path(kind: str, ends: list[float], gap: float, since: int = 0) -> _Record:
-        current = _sweep_samples([lead[-1], *ends], step)
-        return _Record(kind, f"{kind}-{gap:.6g}", lead, "conditioned", lead, current,
-                       np.full(current.size, gap), since)  # fmt: skip
+    def make_record(kind: str, reversal_points: list[float], gap: float, first_evaluated: int = 0) -> _Record:
+        current = _sweep_samples([lead_points[-1], *reversal_points], current_step)
+        return _Record(kind, f"{kind}-{gap:.6g}", lead_points, "conditioned", lead_points, current,
+                       np.full(current.size, gap), first_evaluated)  # fmt: skip
 
-    def reversals(count: int) -> list[float]:
-        return [float(end) for end in low + (high - low) * rng.random(count)]
+    def sample_reversals(count: int) -> list[float]:
+        return [float(end) for end in low_limit + (high_limit - low_limit) * rng.random(count)]
 
-    found = [path("other", reversals(tests["turns"]), float(gaps[0]))]
-    for gap in test_gap:
-        found.append(path("unseen", reversals(tests["turns"]), gap))
-        found += [replace(record, kind="same") for record in _measured_records(drive, ranges, gap, rng)]
-    swing = 0.5 * tests["small"] * top
+    records = [make_record("other", sample_reversals(tests["turns"]), float(gaps[0]))]
+    for gap in tested_gaps:
+        records.append(make_record("unseen", sample_reversals(tests["turns"]), gap))
+        records += [replace(record, kind="same") for record in _measured_records(drive, ranges, gap, rng)]
+    amplitude = 0.5 * tests["small"] * largest_current
     for bias in tests["biases"]:
-        middle_gap, gap = bias * top, float((test_gap or gaps)[-1])
-        there = _sweep_samples([lead[-1], middle_gap - swing], step).size
-        ends = [middle_gap - swing, *tests["small_cycles"] * [middle_gap + swing, middle_gap - swing]]
-        found.append(path("small", ends, gap, there))
+        bias_current, gap = bias * largest_current, float((tested_gaps or gaps)[-1])
+        approach_count = _sweep_samples([lead_points[-1], bias_current - amplitude], current_step).size
+        cycle_points = [
+            bias_current - amplitude,
+            *tests["small_cycles"] * [bias_current + amplitude, bias_current - amplitude],
+        ]
+        records.append(make_record("small", cycle_points, gap, approach_count))
     if gaps.size > 1:
-        record = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
-        turn = 2.0 * np.pi * tests["moving_cycles"] / (record.current.size - 1.0)
-        part = 0.5 - 0.5 * np.cos(turn * np.arange(record.current.size))
-        found.append(replace(record, gap=gaps[0] + (gaps[-1] - gaps[0]) * part))
-    return found
+        record = make_record("moving", sample_reversals(tests["moving_turns"]), float(gaps[0]))
+        phase_step = 2.0 * np.pi * tests["moving_cycles"] / (record.current.size - 1.0)
+        gap_fraction = 0.5 - 0.5 * np.cos(phase_step * np.arange(record.current.size))
+        records.append(replace(record, gap=gaps[0] + (gaps[-1] - gaps[0]) * gap_fraction))
+    return records
 
 
 def _sample_plan(number: int) -> _Plan:
@@ -253,10 +278,10 @@ def _sample_plan(number: int) -> _Plan:
     magnet, drive, sensors = (from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors"))
     iron, true = draw_iron(family, rng)
     core, gaps = _size_core(magnet, true)
-    top = magnet["current_A"]
-    ranges = _ranges(drive, core.ring, top, rng)
+    largest_current = magnet["current_A"]
+    ranges = _sample_loop_limits(drive, core.is_ring, largest_current, rng)
     records = [record for gap in gaps for record in _measured_records(drive, ranges, float(gap), rng)]
-    records += _test_records((drive, ranges), gaps, top, rng)
+    records += _test_records((drive, ranges), gaps, largest_current, rng)
     sampled = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
     return _Plan(number, family, sampled, core, iron, records)
 
@@ -270,76 +295,86 @@ def _hash() -> str:
 
 
 @cache
-def _compute_responses() -> tuple[list[_Plan], list[list[Answer]]]:
+def _compute_responses() -> tuple[list[_Plan], list[list[Response]]]:
     """Return all plans and the responses of their records, cached in ``build/``."""
-    plans = [_sample_plan(number) for number in range(COUNT)]
-    sizes = [job.current.size for plan in plans for job in plan.jobs()]
+    plans = [_sample_plan(number) for number in range(DRAW_COUNT)]
+    sample_counts = [job.current.size for plan in plans for job in plan.jobs()]
     cache_file = ROOT / "build" / f"drawn-{_hash()}.npy"
     if cache_file.exists():
-        all_jobs = np.load(cache_file)
+        response_table = np.load(cache_file)
     else:
-        found = answers([job for plan in plans for job in plan.jobs()])
-        all_jobs = np.concatenate([np.stack(responses) for responses in found], axis=1)
+        responses_by_plan = compute_responses([job for plan in plans for job in plan.jobs()])
+        response_table = np.concatenate([np.stack(responses) for responses in responses_by_plan], axis=1)
         cache_file.parent.mkdir(exist_ok=True)
-        np.save(cache_file, all_jobs)
-    pieces = iter(np.split(all_jobs, np.cumsum(sizes)[:-1], axis=1))
-    return plans, [[Answer(*next(pieces)) for _ in plan.records] for plan in plans]
+        np.save(cache_file, response_table)
+    response_arrays = iter(np.split(response_table, np.cumsum(sample_counts)[:-1], axis=1))
+    return plans, [[Response(*next(response_arrays)) for _ in plan.records] for plan in plans]
 
 
 def draw(number: int) -> Draw:
-    """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
-    plans, found = _compute_responses()
-    return measured(plans[number], found[number], np.random.default_rng([SETTINGS["seed"], number, 1]))
+    """Return a virtual measurement by its number, 0 to :data:`DRAW_COUNT` - 1."""
+    plans, responses_by_plan = _compute_responses()
+    return apply_sensors(
+        plans[number], responses_by_plan[number], np.random.default_rng([SETTINGS["seed"], number, 1])
+    )
 
 
-def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> Draw:
+def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Generator) -> Draw:
     """Apply the sensors of a plan to its responses."""
-    sensors, magnet, ring = plan.true["sensors"], plan.true["magnet"], plan.core.ring
-    field = ring and magnet["ring_flux_density"]
+    sensors, magnet, ring = plan.true_parameters["sensors"], plan.true_parameters["magnet"], plan.core.is_ring
+    is_field_loop = ring and magnet["ring_flux_density"]
     poles = plan.core.poles
-    unit = poles.turns / poles.iron_length if field else 1.0  # input per ampere
+    input_per_ampere = poles.turns / poles.iron_length if is_field_loop else 1.0  # input per ampere
     outputs, spans = [], []
-    for record, answer in zip(plan.records, found, strict=True):
-        linkage, flux = (values[len(record.lead):] for values in answer)  # fmt: skip
-        output = linkage if ring else plan.core.pull(flux, record.gap)
-        outputs.append(output / (poles.turns * poles.area) if field else output)
+    for record, response in zip(plan.records, responses, strict=True):
+        linkage, flux = (values[len(record.lead_points):] for values in response)  # fmt: skip
+        output = linkage if ring else plan.core.magnet_force(flux, record.gap)
+        outputs.append(output / (poles.turns * poles.area) if is_field_loop else output)
         spans.append(float(np.max(np.abs(outputs[-1]))) if not record.kind else 0.0)
-    span, top = max(spans), unit * magnet["current_A"]
-    zeros = (sensors["current_offset"] * top * sensors["offsets"],
-             sensors["output_offset"] * span * sensors["offsets"])  # fmt: skip
-    noise = (sensors["current_noise"] * top, sensors["noise"] * span)
+    output_span, largest_input = max(spans), input_per_ampere * magnet["current_A"]
+    offsets = (sensors["current_offset"] * largest_input * sensors["offsets"],
+             sensors["output_offset"] * output_span * sensors["offsets"])  # fmt: skip
+    noise = (sensors["current_noise"] * largest_input, sensors["noise"] * output_span)
     if sensors["noiseless"]:
         noise = (0.0, 0.0)
-    loops, tests, clock = [], [], 0.0
+    loops, tests, start_time = [], [], 0.0
     for record, output in zip(plan.records, outputs, strict=True):
-        true_input, read = unit * record.current + zeros[0], output + zeros[1]
-        history = History(record.history, tuple(unit * point + zeros[0] for point in record.stated))  # type: ignore[arg-type]
+        true_input, output_reading = input_per_ampere * record.current + offsets[0], output + offsets[1]
+        history = History(
+            record.history, tuple(input_per_ampere * point + offsets[0] for point in record.history_points)
+        )  # type: ignore[arg-type]
         gap = None if ring else record.gap
         if record.kind:
-            counted = np.arange(read.size) >= record.since
+            counted = np.arange(output_reading.size) >= record.first_evaluated
             if record.kind == "moving":
-                loop_samples = (float(record.gap[0]),) * len(record.stated)
-                history = replace(history, schedule=loop_samples)
-            tests.append(Test(record.kind, true_input, read, gap, history, counted))
+                history_gaps = (float(record.gap[0]),) * len(record.history_points)
+                history = replace(history, schedule=history_gaps)
+            tests.append(Test(record.kind, true_input, output_reading, gap, history, counted))
             continue
-        readings = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
-        read = read + rng.normal(0.0, 1.0, read.size) * noise[1]
+        input_readings = true_input + rng.normal(0.0, 1.0, output_reading.size) * noise[0]
+        output_reading = output_reading + rng.normal(0.0, 1.0, output_reading.size) * noise[1]
         if sensors["bits"]:
-            step = 1.2 * top * (2.0 if plan.true["drive"]["bipolar"] or ring else 1.0)
-            step /= 2.0 ** sensors["bits"]
-            readings = step * np.round(readings / step)
-        time = clock + 0.01 * np.arange(read.size) if plan.true["drive"]["clock"] else None
-        clock += 0.01 * read.size + 1.0
-        loops.append(Loop(record.label, readings, read, gap, time, history))
-    names = ("field", "flux_density") if field else ("current", "flux_linkage" if ring else "force")
+            converter_step = (
+                1.2 * largest_input * (2.0 if plan.true_parameters["drive"]["bipolar"] or ring else 1.0)
+            )
+            converter_step /= 2.0 ** sensors["bits"]
+            input_readings = converter_step * np.round(input_readings / converter_step)
+        time = (
+            start_time + 0.01 * np.arange(output_reading.size)
+            if plan.true_parameters["drive"]["clock"]
+            else None
+        )
+        start_time += 0.01 * output_reading.size + 1.0
+        loops.append(Loop(record.label, input_readings, output_reading, gap, time, history))
+    names = ("field", "flux_density") if is_field_loop else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]
-    read = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])
-    return Draw(plan.number, plan.family, plan.true, read, tuple(tests))
+    output_reading = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])
+    return Draw(plan.number, plan.family, plan.true_parameters, output_reading, tuple(tests))
 
 
 if __name__ == "__main__":
-    for place in range(0, COUNT, 2):
+    for place in range(0, DRAW_COUNT, 2):
         shown = draw(place)
         facts = "; ".join(f"{name} {text}" for name, text in shown.loops.facts().items())
-        start = shown.true["drive"]["start"]
+        start = shown.true_parameters["drive"]["start"]
         print(f"{place} {shown.family}, {start}: {facts}")

@@ -25,29 +25,29 @@ Numbers = dict[str, float]
 
 def from_ranges(table: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
     """Sample all parameters of a table; each uses one value of the random generator."""
-    found: dict[str, Any] = {}
+    sampled: dict[str, Any] = {}
     for name, rule in table.items():
-        (kind, values), part = next(iter(rule.items())), float(rng.random())
-        if kind == "of":
-            found[name] = values[int(part * len(values))]
-        elif kind == "log":
-            found[name] = float(values[0] * (values[1] / values[0]) ** part)
+        (distribution, limits), fraction = next(iter(rule.items())), float(rng.random())
+        if distribution == "of":
+            sampled[name] = limits[int(fraction * len(limits))]
+        elif distribution == "log":
+            sampled[name] = float(limits[0] * (limits[1] / limits[0]) ** fraction)
         else:
-            found[name] = float(values[0] + (values[1] - values[0]) * part)
-    return found
+            sampled[name] = float(limits[0] + (limits[1] - limits[0]) * fraction)
+    return sampled
 
 
 def _curve(rng: np.random.Generator) -> Numbers:
-    values = from_ranges(SETTINGS["curve"], rng)
+    curve_values = from_ranges(SETTINGS["curve"], rng)
     return {
-        "saturation_sharp": values["saturation_sharp"],
-        "knee_sharp": values["knee_A_per_m"],
-        "saturation_slow": values["saturation_slow"],
-        "knee_slow": values["knee_A_per_m"] * values["slow_by_sharp"],
+        "saturation_sharp": curve_values["saturation_sharp"],
+        "knee_sharp": curve_values["knee_A_per_m"],
+        "saturation_slow": curve_values["saturation_slow"],
+        "knee_slow": curve_values["knee_A_per_m"] * curve_values["slow_by_sharp"],
     }
 
 
-def _keys(curve: Numbers) -> dict[str, Any]:
+def _rig_file_keys(curve: Numbers) -> dict[str, Any]:
     """Return the parameters of a curve with the keys of a rig file."""
     return {
         f"{name}_{'T' if name.startswith('saturation') else 'A_per_m'}": value
@@ -56,52 +56,60 @@ def _keys(curve: Numbers) -> dict[str, Any]:
 
 
 def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
-    curve, values = _curve(rng), from_ranges(SETTINGS["cells"], rng)
-    shape = values["shape"]
-    pinning = curve["knee_sharp"] * values["pinning_by_knee"]
-    free, second_fraction = values["reversible"], values["further_share"]
-    first = CellSteel(
+    curve, cell_values = _curve(rng), from_ranges(SETTINGS["cells"], rng)
+    pinning_shape = cell_values["shape"]
+    pinning = curve["knee_sharp"] * cell_values["pinning_by_knee"]
+    free, second_fraction = cell_values["reversible"], cell_values["further_share"]
+    one_population = CellSteel(
         cells=_CELLS,
         reversible_fraction=free,
         pinning_scale_A_per_m=pinning,
-        pinning_shape=shape,
-        **_keys(curve),
+        pinning_shape=pinning_shape,
+        **_rig_file_keys(curve),
     )
-    second_pinning = {"pinning_scale_A_per_m": pinning * values["further_by_first"]}
-    second = first.model_copy(update=second_pinning)
-    thresholds = np.concatenate([first.thresholds, second.thresholds[1:]])
+    second_pinning = {"pinning_scale_A_per_m": pinning * cell_values["further_by_first"]}
+    two_populations = one_population.model_copy(update=second_pinning)
+    thresholds = np.concatenate([one_population.thresholds, two_populations.thresholds[1:]])
     weights = np.concatenate(
-        [first.weights[:1], (1.0 - second_fraction) * first.weights[1:], second_fraction * second.weights[1:]]
+        [
+            one_population.weights[:1],
+            (1.0 - second_fraction) * one_population.weights[1:],
+            second_fraction * two_populations.weights[1:],
+        ]
     )
-    order = np.argsort(thresholds)
-    return Steel(first.plant_parameters(), thresholds[order], weights[order]), curve | values
+    threshold_order = np.argsort(thresholds)
+    return Steel(
+        one_population.plant_parameters(), thresholds[threshold_order], weights[threshold_order]
+    ), curve | cell_values
 
 
 def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
-    values = from_ranges(SETTINGS["preisach"], rng)
-    pinning, relays = values["pinning_A_per_m"], values["saturation"]
-    knee = pinning * values["knee_by_pinning"]
+    preisach_values = from_ranges(SETTINGS["preisach"], rng)
+    pinning, relays = preisach_values["pinning_A_per_m"], preisach_values["saturation"]
+    knee = pinning * preisach_values["knee_by_pinning"]
     steel = PreisachSteel(
         family="preisach",
         saturation_T=relays,
         pinning_A_per_m=pinning,
-        pinning_spread=values["pinning_spread"],
-        bias_A_per_m=pinning * values["bias_by_pinning_0"],
-        bias_by_pinning=values["bias_by_pinning"],
+        pinning_spread=preisach_values["pinning_spread"],
+        bias_A_per_m=pinning * preisach_values["bias_by_pinning_0"],
+        bias_by_pinning=preisach_values["bias_by_pinning"],
         feedback_A_per_m_T=0.0,
-        saturation_sharp_T=relays * values["sharp_part"],
+        saturation_sharp_T=relays * preisach_values["sharp_part"],
         knee_sharp_A_per_m=knee,
-        saturation_slow_T=relays * values["slow_part"],
-        knee_slow_A_per_m=knee * values["slow_by_sharp"],
+        saturation_slow_T=relays * preisach_values["slow_part"],
+        knee_slow_A_per_m=knee * preisach_values["slow_by_sharp"],
     )
     # The feedback is a fraction of the largest value that the steel accepts, found by bisection.
-    low, high = 0.0, 4.0 * pinning / relays
+    low_feedback, high_feedback = 0.0, 4.0 * pinning / relays
     for _ in range(6):
-        middle = 0.5 * (low + high)
-        tried = steel.model_copy(update={"feedback_A_per_m_T": middle})
-        low, high = (middle, high) if _is_valid(tried) else (low, middle)
-    steel = steel.model_copy(update={"feedback_A_per_m_T": values["feedback"] * low})
-    return steel.make_steel(), values | {"knee_sharp": steel.knee, "saturation_sharp": relays}
+        trial_feedback = 0.5 * (low_feedback + high_feedback)
+        trial_steel = steel.model_copy(update={"feedback_A_per_m_T": trial_feedback})
+        low_feedback, high_feedback = (
+            (trial_feedback, high_feedback) if _is_valid(trial_steel) else (low_feedback, trial_feedback)
+        )
+    steel = steel.model_copy(update={"feedback_A_per_m_T": preisach_values["feedback"] * low_feedback})
+    return steel.make_steel(), preisach_values | {"knee_sharp": steel.knee, "saturation_sharp": relays}
 
 
 def _is_valid(steel: PreisachSteel | DuhemSteel) -> bool:
@@ -114,17 +122,17 @@ def _is_valid(steel: PreisachSteel | DuhemSteel) -> bool:
 
 def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
     while True:  # some combinations are not a valid iron
-        curve, values = _curve(rng), from_ranges(SETTINGS["duhem"], rng)
-        coercivity = values["coercivity_by_knee"] * curve["knee_sharp"]
+        curve, duhem_values = _curve(rng), from_ranges(SETTINGS["duhem"], rng)
+        coercivity = duhem_values["coercivity_by_knee"] * curve["knee_sharp"]
         steel = DuhemSteel.model_construct(
             family="duhem",
             coercivity_A_per_m=coercivity,
-            turning_T=values["turning"],
-            fading=values["fading"],
-            **_keys(curve),
+            turning_T=duhem_values["turning"],
+            fading=duhem_values["fading"],
+            **_rig_file_keys(curve),
         )
         if _is_valid(steel):
-            return steel.make_steel(), curve | values
+            return steel.make_steel(), curve | duhem_values
 
 
 _PLANT = {"cells": _cells, "preisach": _preisach, "duhem": _duhem}
@@ -136,28 +144,28 @@ def draw_iron(family: str, rng: np.random.Generator) -> tuple[Iron, dict[str, An
     if family in _PLANT:
         steel, true = _PLANT[family](rng)
         return PlantIron(steel), true
-    values = from_ranges(SETTINGS[family], rng)
+    iron_values = from_ranges(SETTINGS[family], rng)
     if family == "series":
-        (first, core), (second, armature) = (_PLANT[values[name]](rng) for name in ("core", "armature"))
-        true = {"core_iron": core, "armature_iron": armature, **values}
+        (first, core), (second, armature) = (_PLANT[iron_values[name]](rng) for name in ("core", "armature"))
+        true = {"core_iron": core, "armature_iron": armature, **iron_values}
         true["knee_sharp"] = max(core["knee_sharp"], armature["knee_sharp"])
         true["saturation_sharp"] = min(core["saturation_sharp"], armature["saturation_sharp"])
-        return SeriesIron(first, second, values["length_part"], values["area_ratio"]), true
+        return SeriesIron(first, second, iron_values["length_part"], iron_values["area_ratio"]), true
     if family == "tellinen":
         curve = _curve(rng)
-        coercivity = values["coercivity_by_knee"] * curve["knee_sharp"]
+        coercivity = iron_values["coercivity_by_knee"] * curve["knee_sharp"]
         return TellinenIron(
             coercivity, curve["saturation_sharp"], curve["knee_sharp"],
             curve["saturation_slow"], curve["knee_slow"],
-        ), curve | values  # fmt: skip
-    width = values["width_A_per_m"]
-    friction = values["friction_by_width"] * width
+        ), curve | iron_values  # fmt: skip
+    width = iron_values["width_A_per_m"]
+    friction = iron_values["friction_by_width"] * width
     langevin = LangevinIron(
-        narrow=values["saturation"] * (1.0 - values["wide_part"]),
+        narrow=iron_values["saturation"] * (1.0 - iron_values["wide_part"]),
         width=width,
-        wide=values["saturation"] * values["wide_part"],
-        width_wide=width * values["wide_by_narrow"],
+        wide=iron_values["saturation"] * iron_values["wide_part"],
+        width_wide=width * iron_values["wide_by_narrow"],
         friction=friction,
-        way=friction * values["way_by_friction"],
+        way=friction * iron_values["way_by_friction"],
     )
-    return langevin, values | {"knee_sharp": 2.0 * width, "saturation_sharp": values["saturation"]}
+    return langevin, iron_values | {"knee_sharp": 2.0 * width, "saturation_sharp": iron_values["saturation"]}

@@ -31,7 +31,7 @@ from anhyst.identification.candidates import ModelCandidate
 from anhyst.identification.model_building import make_model
 from anhyst.support.errors import InputError, NegativeResult
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
-from drawn_irons import answers
+from drawn_irons import compute_responses
 from search import deviation
 
 SEED = 20261126
@@ -53,14 +53,14 @@ RULES: dict[str, dict[str, Any]] = {
 class MeasurementResult:
     """Results of one measurement: the law that each rule selects, and rms errors of the laws."""
 
-    chosen: dict[str, str]
-    missed: dict[str, float]  # rms error on records not fitted, relative to the largest output
-    least: float  # rms error of the best law
+    chosen_laws: dict[str, str]
+    rms_errors: dict[str, float]  # rms error on records not fitted, relative to the largest output
+    least_rms_error: float  # rms error of the best law
 
 
 class _ComparisonDone(Exception):  # noqa: N818 # not an error: ends the identification early
-    def __init__(self, made: model_selection.Selection) -> None:
-        self.made = made
+    def __init__(self, selection: model_selection.Selection) -> None:
+        self.selection = selection
 
 
 def measure_twice(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
@@ -78,50 +78,58 @@ def measure_twice(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
         sensors |= {"noise": 3e-4, "bits": 14, "noiseless": False, "offsets": False}
     iron, true = draw_iron(family, rng)
     core, gaps = drawn._size_core(magnet, true)
-    ranges = drawn._ranges(drive, core.ring, magnet["current_A"], rng)
+    ranges = drawn._sample_loop_limits(drive, core.is_ring, magnet["current_A"], rng)
     records = [record for gap in gaps for record in drawn._measured_records(drive, ranges, float(gap), rng)]
     if kind == "slow":
-        both_readings = [np.concatenate([record.current, record.current[1:]]) for record in records]
+        doubled_paths = [np.concatenate([record.current, record.current[1:]]) for record in records]
         records = [
             replace(record, current=path, gap=np.full(path.size, record.gap[0]))
-            for record, path in zip(records, both_readings, strict=True)
+            for record, path in zip(records, doubled_paths, strict=True)
         ]
     records += drawn._test_records((drive, ranges), gaps, magnet["current_A"], rng)
     parameters = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
     plan = drawn._Plan(number, family, parameters, core, iron, records)
-    found = answers(plan.jobs())
-    return [_read_loops(plan, found, [SEED, number, 1, turn], turn) for turn in (0, 1)]
+    responses = compute_responses(plan.jobs())
+    return [
+        _read_loops(plan, responses, [SEED, number, 1, reading_number], reading_number)
+        for reading_number in (0, 1)
+    ]
 
 
-def _read_loops(plan: Any, found: Any, seed: list[int], turn: int) -> tuple[Loops, list[drawn.Test]]:
+def _read_loops(
+    plan: Any, responses: Any, seed: list[int], reading_number: int
+) -> tuple[Loops, list[drawn.Test]]:
     """Read a plan with its sensors; without noise, the second reading has one sample less."""
-    reading = drawn.measured(plan, found, np.random.default_rng(seed))
-    if not turn or not plan.true["sensors"]["noiseless"]:
+    reading = drawn.apply_sensors(plan, responses, np.random.default_rng(seed))
+    if not reading_number or not plan.true["sensors"]["noiseless"]:
         return reading.loops, list(reading.tests)
     shortened = [_without_sample(loop, loop.n // 3) for loop in reading.loops.loops]
     return reading.loops.with_loops(shortened), list(reading.tests)
 
 
-def _without_sample(loop: Loop, place: int) -> Loop:
-    gap = None if loop.schedule is None else np.delete(loop.schedule, place)
+def _without_sample(loop: Loop, sample_index: int) -> Loop:
+    gap = None if loop.schedule is None else np.delete(loop.schedule, sample_index)
     return replace(
-        loop, input=np.delete(loop.input, place), output=np.delete(loop.output, place), schedule=gap
+        loop,
+        input=np.delete(loop.input, sample_index),
+        output=np.delete(loop.output, sample_index),
+        schedule=gap,
     )
 
 
 def measure(loops: Loops, tests: Sequence[drawn.Test]) -> MeasurementResult | None:
     """Compare all laws; None if the first residual is only noise or the identification fails."""
-    compare = model_selection.Selection.compare_play_cells
+    compare_laws = model_selection.Selection.compare_play_cells
 
-    def stop(made: model_selection.Selection, base: ModelCandidate) -> None:
-        compare(made, base)
-        raise _ComparisonDone(made)
+    def stop_after_comparison(selection: model_selection.Selection, base_candidate: ModelCandidate) -> None:
+        compare_laws(selection, base_candidate)
+        raise _ComparisonDone(selection)
 
     try:
-        with mock.patch.object(model_selection.Selection, "compare_play_cells", stop):
+        with mock.patch.object(model_selection.Selection, "compare_play_cells", stop_after_comparison):
             identify(loops)
     except _ComparisonDone as end:
-        return _evaluate_rules(end.made, tests)
+        return _evaluate_rules(end.selection, tests)
     except (InputError, NegativeResult):
         pass
     return None
@@ -154,20 +162,23 @@ def _evaluate_rules(fitted: model_selection.Selection, tests: Sequence[drawn.Tes
 def main() -> None:
     """Run a range of random draws and print one line for each rule."""
     warnings.simplefilter("ignore")
-    first, last = (int(text) for text in sys.argv[1:3])
-    pairs = [[measure(*draw) for draw in measure_twice(number)] for number in range(first, last)]
+    first_number, end_number = (int(text) for text in sys.argv[1:3])
+    pairs = [[measure(*draw) for draw in measure_twice(number)] for number in range(first_number, end_number)]
     all_results = [measurement for pair in pairs for measurement in pair if measurement]
     complete_pairs = [(first_run, second_run) for first_run, second_run in pairs if first_run and second_run]
     for name in RULES:
         error_ratios = np.array(
             [
-                max(measurement.missed[name], 1e-5) / max(measurement.least, 1e-5)
+                max(measurement.rms_errors[name], 1e-5) / max(measurement.least_rms_error, 1e-5)
                 for measurement in all_results
             ]
         )
-        rms = 100.0 * np.array([measurement.missed[name] for measurement in all_results])
+        rms = 100.0 * np.array([measurement.rms_errors[name] for measurement in all_results])
         change_fraction = np.mean(
-            [first_run.chosen[name] != second_run.chosen[name] for first_run, second_run in complete_pairs]
+            [
+                first_run.chosen_laws[name] != second_run.chosen_laws[name]
+                for first_run, second_run in complete_pairs
+            ]
         )
         print(
             f"{name}: missed {np.median(rms):.3f} %, 90 of 100 {np.quantile(rms, 0.9):.2f}, worst "

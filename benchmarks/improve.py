@@ -40,72 +40,78 @@ HOUR = 3600
 
 def rows() -> list[Row]:
     """Improve the model of the bundled solenoid with another iron; then test the drift monitor."""
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "rig"
+    with tempfile.TemporaryDirectory() as folder_name:
+        folder = Path(folder_name) / "rig"
         shutil.copytree(SOLENOID, folder)
-        known_controller = prepare_bench(folder / "rig.toml", None, Path(place) / "known")
+        known_controller = prepare_bench(folder / "rig.toml", None, Path(folder_name) / "known")
         assert isinstance(known_controller, PreparedForce)
-        unknown = scale_pinning(known_controller, PINNING_RATIO)
+        unknown_iron = scale_pinning(known_controller, PINNING_RATIO)
         return [
-            *measure_improvement(unknown, Path(place)),
+            *measure_improvement(unknown_iron, Path(folder_name)),
             measure_drift_detection(known_controller),
             measure_false_alarms(known_controller),
         ]
 
 
-def scale_pinning(prepared: PreparedForce, factor: float) -> PreparedForce:
+def scale_pinning(prepared_bench: PreparedForce, factor: float) -> PreparedForce:
     """Return the same controller on an iron whose pinning is multiplied by a factor."""
-    file = prepared.complete_rig.solenoid_file
+    file = prepared_bench.complete_rig.solenoid_file
     assert file is not None
-    scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
-    iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
+    pinning_scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
+    iron = file.iron.model_copy(update={"pinning_scale_A_per_m": pinning_scale})
     changed_file = file.model_copy(update={"iron": iron})
-    return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=changed_file))
+    return replace(
+        prepared_bench, complete_rig=replace(prepared_bench.complete_rig, solenoid_file=changed_file)
+    )
 
 
-def measure_improvement(unknown: PreparedForce, place: Path) -> list[Row]:
+def measure_improvement(prepared_bench: PreparedForce, build_folder: Path) -> list[Row]:
     """Measure, identify, compile and swap with page commands; compare with an off-line model."""
-    bench = unknown.open()
-    session = LiveSession(bench, improver=Improver(unknown, bench))
+    bench = prepared_bench.open()
+    session = LiveSession(bench, improver=Improver(prepared_bench, bench))
     improver = session.improver
     assert improver is not None
-    before = session.run_between_chunks(lambda: force_error(bench))
+    error_before = session.run_between_chunks(lambda: force_error(bench))
     session.start()
     step_seconds = {}
     for step in ("measure", "identify", "compile", "swap"):
-        began = time.monotonic()
-        order = {"do": "improve", "step": step}
-        session.run_between_chunks(partial(perform, session, "benchmark", order))
+        start_time = time.monotonic()
+        page_command = {"do": "improve", "step": step}
+        session.run_between_chunks(partial(perform, session, "benchmark", page_command))
         while improver.status()["step"]:
             time.sleep(0.02)
         assert step in improver.results, improver.status()["trouble"]
-        step_seconds[step] = time.monotonic() - began
+        step_seconds[step] = time.monotonic() - start_time
     session.pacer.pause()
     slips = session.pacer.pacing().slip_count
-    after = session.run_between_chunks(lambda: force_error(bench))
+    error_after = session.run_between_chunks(lambda: force_error(bench))
     loops = read_loops(improver.folder / "loops.csv")
-    model = unknown.identify(loops)
+    model = prepared_bench.identify(loops)
     session.close()
     program = build_program(
-        "full", model, unknown.complete_rig.settings.timing.rate_Hz, "library", place / "off-line"
+        "full",
+        model,
+        prepared_bench.complete_rig.settings.timing.rate_Hz,
+        "library",
+        build_folder / "off-line",
     )
-    off_line = replace(unknown, program=program).open()
-    reference = force_error(off_line)
-    off_line.close()
+    off_line_bench = replace(prepared_bench, program=program).open()
+    off_line_error = force_error(off_line_bench)
+    off_line_bench.close()
     total_seconds = sum(step_seconds.values())
-    parts = ", ".join(f"{step} {seconds:.1f} s" for step, seconds in step_seconds.items())
+    step_texts = ", ".join(f"{step} {seconds:.1f} s" for step, seconds in step_seconds.items())
     return [
         Row(
             "virtual solenoid, unknown pinning: measure, identify (auto), compile, swap during operation",
             f"<= {MAX_TOTAL_S:g} s in total",
-            f"{total_seconds:.0f} s on {os.cpu_count()} cores: {parts}; {slips} pacing slips",
+            f"{total_seconds:.0f} s on {os.cpu_count()} cores: {step_texts}; {slips} pacing slips",
             total_seconds <= MAX_TOTAL_S,
         ),
         Row(
             "virtual solenoid, force error after the swap, 7 gaps",
             f"<= {MAX_OFF_LINE_RATIO:g} times that of an off-line model from the same loops",
-            f"rms {after:.3f} N, off line {reference:.3f} N; before {before:.3f} N",
-            after <= MAX_OFF_LINE_RATIO * reference,
+            f"rms {error_after:.3f} N, off line {off_line_error:.3f} N; before {error_before:.3f} N",
+            error_after <= MAX_OFF_LINE_RATIO * off_line_error,
         ),
     ]
 
@@ -147,36 +153,36 @@ def read_signal(bench: Bench, table: FloatArray, name: str) -> FloatArray:
     return table[:, 1 + [signal.name for signal in bench.signals].index(name)]
 
 
-def run_cycles(prepared: PreparedForce, cycles: int) -> FloatArray:
+def run_cycles(prepared_bench: PreparedForce, cycles: int) -> FloatArray:
     """Return the rows of a bench whose force alternates between two values once a second."""
-    bench = prepared.open()
+    bench = prepared_bench.open()
     bench.advance(50)
     bench.command(Command.DEMAGNETISED)
     bench.command(Command.RUN)
-    low, high, half_period = 5.0, 35.0, round(0.5 * bench.rate)
-    bench.apply({"demand_slew": 2.4 * (high - low)})
-    parts = []
+    low_force, high_force, half_period = 5.0, 35.0, round(0.5 * bench.rate)
+    bench.apply({"demand_slew": 2.4 * (high_force - low_force)})
+    chunks = []
     for _ in range(cycles):
-        for force in (high, low):
+        for force in (high_force, low_force):
             bench.demand(force)
-            parts.append(bench.advance(half_period))
+            chunks.append(bench.advance(half_period))
     bench.close()
-    return np.concatenate(parts)
+    return np.concatenate(chunks)
 
 
-def measure_drift_detection(known: PreparedForce) -> Row:
+def measure_drift_detection(prepared_bench: PreparedForce) -> Row:
     """Test whether the monitor detects an iron whose pinning increases by 20 % at a tick."""
-    rate = known.complete_rig.settings.timing.rate_Hz
-    begin = round(LEARNING_CYCLES * rate)
+    rate = prepared_bench.complete_rig.settings.timing.rate_Hz
+    change_tick = round(LEARNING_CYCLES * rate)
     usual_rows, pinned_rows = (
-        run_cycles(known, LEARNING_CYCLES + 15),
-        run_cycles(scale_pinning(known, 1.2), LEARNING_CYCLES + 15),
+        run_cycles(prepared_bench, LEARNING_CYCLES + 15),
+        run_cycles(scale_pinning(prepared_bench, 1.2), LEARNING_CYCLES + 15),
     )
-    monitor_without_drift = BenchMonitor(known.model, ForceBench.signals, rate)
+    monitor_without_drift = BenchMonitor(prepared_bench.model, ForceBench.signals, rate)
     monitor_without_drift.add_rows(usual_rows)
-    monitor, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
-    monitor.add_rows(usual_rows[:begin])
-    for row in np.array_split(pinned_rows[begin:], 15 * 20):
+    monitor, ticks = BenchMonitor(prepared_bench.model, ForceBench.signals, rate), 0
+    monitor.add_rows(usual_rows[:change_tick])
+    for row in np.array_split(pinned_rows[change_tick:], 15 * 20):
         monitor.add_rows(row)
         ticks += len(row)
         if monitor.status()["state"] == "drifted":
@@ -195,24 +201,24 @@ def measure_drift_detection(known: PreparedForce) -> Row:
     )
 
 
-def measure_false_alarms(known: PreparedForce) -> Row:
+def measure_false_alarms(prepared_bench: PreparedForce) -> Row:
     """Test for false alarms during one hour of a steady-state cycle with noise of all sensors."""
-    rate = known.complete_rig.settings.timing.rate_Hz
+    rate = prepared_bench.complete_rig.settings.timing.rate_Hz
     step_ticks = round(rate / MONITOR_RATE_HZ)
     second_ticks = round(rate)
-    cycle = run_cycles(known, 6)[-second_ticks::step_ticks]
-    at = [signal.name for signal in ForceBench.signals].index
-    true_values = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
-    sensors = read_rig(known.rig).make_sensors([9], step_ticks / rate)
-    kinds = [sensors[name] for name in ("current", "gap", "force")]
-    read_columns = [1 + at(name) for name in ("current_read", "gap_read", "force_read")]
-    monitor = BenchMonitor(known.model, ForceBench.signals, rate)
+    cycle_rows = run_cycles(prepared_bench, 6)[-second_ticks::step_ticks]
+    signal_index = [signal.name for signal in ForceBench.signals].index
+    true_values = [cycle_rows[:, 1 + signal_index(name)] for name in ("current", "gap", "force")]
+    sensors = read_rig(prepared_bench.rig).make_sensors([9], step_ticks / rate)
+    read_sensors = [sensors[name] for name in ("current", "gap", "force")]
+    read_columns = [1 + signal_index(name) for name in ("current_read", "gap_read", "force_read")]
+    monitor = BenchMonitor(prepared_bench.model, ForceBench.signals, rate)
     alarm = ""
-    for second in range(HOUR):
-        table = cycle.copy()
-        table[:, 0] = second * second_ticks + step_ticks * np.arange(1, len(cycle) + 1)
-        for place, sensor, values in zip(read_columns, kinds, true_values, strict=True):
-            table[:, place] = sensor.read(values)
+    for elapsed_s in range(HOUR):
+        table = cycle_rows.copy()
+        table[:, 0] = elapsed_s * second_ticks + step_ticks * np.arange(1, len(cycle_rows) + 1)
+        for column, sensor, values in zip(read_columns, read_sensors, true_values, strict=True):
+            table[:, column] = sensor.read(values)
         monitor.add_rows(table)
         if monitor.status()["state"] == "drifted":
             alarm = monitor.status()["text"]

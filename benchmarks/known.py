@@ -62,12 +62,12 @@ STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
 }
 """Play-cell laws of each stage by curve and populations; stage 1 includes Jiles-Atherton."""
 
-STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
+START_COUNT, RANKED_STARTS, FINE_STARTS, FINAL_STARTS = 64, 24, 8, 3
 COARSE_SAMPLES, FINE_SAMPLES = 40, 100
 """Samples per loop for the first descents, and for the descents of the best starts."""
 
-_FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
-_SCAN = 24
+_FIRST_STEPS, _COARSE_STEPS, _FINE_STEPS, _FINAL_STEPS = 4, 8, 80, 30
+_SCAN_POINTS = 24
 _TRIES = 30
 _NEAR_RATIO = 1.02
 
@@ -84,8 +84,8 @@ _LAW_RANGES = {
 _MAX_FIELD_RANGE = (0.5, 40.0)
 """Range of the largest effective field, in units of the law."""
 
-_OMEGA = (0.02, 500.0)
-_RATIOS = np.geomspace(0.2, 5.0, _SCAN)
+_OMEGA_RANGE = (0.02, 500.0)
+_SCALE_RATIOS = np.geomspace(0.2, 5.0, _SCAN_POINTS)
 
 Known = dict[str, float | bool]
 
@@ -95,37 +95,39 @@ class Target:
     """A law with a gap map."""
 
     gap_map: str
-    form: ResponseForm
+    response_form: ResponseForm
 
     @property
     def name(self) -> str:
         """The name of the target in the file."""
-        cells = self.form.cells
+        cells = self.response_form.cells
         count = f"-{cells.population_count}" if isinstance(cells, CellKernel) else ""
-        return f"{self.gap_map}/{self.form.law}{count}"
+        return f"{self.gap_map}/{self.response_form.law}{count}"
 
 
-def targets(loops: Loops, stage: int) -> Iterator[Target]:
+def list_targets(loops: Loops, stage: int) -> Iterator[Target]:
     """Yield the laws and maps of a stage that identification compares, the cheapest first."""
     gaps = len(loops.schedule_values)
-    maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
+    gap_maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
     if gaps == 2:
-        maps.remove("circuit")
-    first_targets = make_response_form(loops.input, loops.output, DEFAULT_LAW)
-    forms = [first_targets] if stage == 1 else []
-    for shape, count in STAGES[stage]:
-        law = LAW_BY_SHAPE[shape]
+        gap_maps.remove("circuit")
+    first_form = make_response_form(loops.input, loops.output, DEFAULT_LAW)
+    response_forms = [first_form] if stage == 1 else []
+    for curve_name, count in STAGES[stage]:
+        law = LAW_BY_SHAPE[curve_name]
         if LAWS[law].least_slope or not is_electromagnet(loops):
-            forms.append(replace(first_targets, law=law, cells=CellKernel(shape, count)))
-    return (Target(gap_map, form) for form in forms for gap_map in maps)
+            response_forms.append(replace(first_form, law=law, cells=CellKernel(curve_name, count)))
+    return (Target(gap_map, response_form) for response_form in response_forms for gap_map in gap_maps)
 
 
-def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> FloatArray | None:
+def unit_gain_output(
+    response_form: ResponseForm, local: ParameterSet, records: FitRecords
+) -> FloatArray | None:
     """Return the output for a gain of 1 at a single gap; None if the law has no solution."""
-    responder = CellResponder() if form.cells else Responder()
-    plain = replace(local, gain=1.0, out_0=0.0)
+    responder = CellResponder() if response_form.cells else Responder()
+    unit_gain_set = replace(local, gain=1.0, out_0=0.0)
     try:
-        return np.concatenate(responder.outputs(form, [plain], records.loops))
+        return np.concatenate(responder.outputs(response_form, [unit_gain_set], records.loops))
     except NoResponseError:
         return None
 
@@ -133,112 +135,136 @@ def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> Fl
 class Scan:
     """Searches the circuit parameters at one gap for given parameters of the law."""
 
-    def __init__(self, form: ResponseForm, records: FitRecords) -> None:
-        self.form, self.records = form, records
+    def __init__(self, response_form: ResponseForm, records: FitRecords) -> None:
+        self.response_form, self.records = response_form, records
         weights = [np.full(record.output.size, record.weight) for record in records.loops]
         self.weights = np.concatenate(weights)
         self.output = np.concatenate([record.output for record in records.loops])
 
-    def best(self, ways: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
+    def find_best(
+        self, candidates: Sequence[ParameterSet], gain: float | None
+    ) -> tuple[ParameterSet, float] | None:
         """Return the set with the lowest cost, and this cost; fit the gain unless it is given."""
-        found: tuple[ParameterSet, float] | None = None
-        for local in ways:
-            shape = shape_of(self.form, local, self.records)
-            if shape is None:
+        best_set: tuple[ParameterSet, float] | None = None
+        for local in candidates:
+            unit_output = unit_gain_output(self.response_form, local, self.records)
+            if unit_output is None:
                 continue
-            weighted, target = shape * self.weights, self.output * self.weights
-            set_gain = gain or float(weighted @ target) / max(float(weighted @ weighted), 1e-300)
-            cost = float(np.sum((set_gain * weighted - target) ** 2))
-            if set_gain > 0.0 and (found is None or cost < found[1]):
-                found = replace(local, gain=set_gain), cost
-        return found
+            weighted_response, weighted_output = unit_output * self.weights, self.output * self.weights
+            set_gain = gain or float(weighted_response @ weighted_output) / max(
+                float(weighted_response @ weighted_response), 1e-300
+            )
+            cost = float(np.sum((set_gain * weighted_response - weighted_output) ** 2))
+            if set_gain > 0.0 and (best_set is None or cost < best_set[1]):
+                best_set = replace(local, gain=set_gain), cost
+        return best_set
 
 
 def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
     """Sample a start; None if the law has no solution for any sampled parameter set."""
-    form, records = space.form, space.records
-    home = records.reference_gap
-    scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
+    response_form, records = space.form, space.records
+    reference_gap = records.reference_gap
+    scans = [Scan(response_form, records.at_gap(gap)) for gap in range(records.gap_count)]
     for _ in range(_TRIES):
-        law = tuple(_number(parameter.name, rng) for parameter in form.kernel.fit_parameters)
+        law = tuple(
+            _sample_parameter(parameter.name, rng) for parameter in response_form.kernel.fit_parameters
+        )
         low, high = _MAX_FIELD_RANGE
-        driven = low * (high / low) ** rng.random()
-        size = 1.0 + sum(part for parameter, part in zip(form.kernel.fit_parameters, law, strict=True)
-                         if parameter.name.startswith("share"))  # fmt: skip
-        begun = scans[home].best(_sets_at_reference_gap(space, law, driven, size), None)
-        if begun is None:
+        max_field = low * (high / low) ** rng.random()
+        share_sum = 1.0 + sum(
+            share
+            for parameter, share in zip(response_form.kernel.fit_parameters, law, strict=True)
+            if parameter.name.startswith("share")
+        )
+        reference_set = scans[reference_gap].find_best(
+            _sets_at_reference_gap(space, law, max_field, share_sum), None
+        )
+        if reference_set is None:
             continue
-        sets = []
+        gap_sets = []
         for gap, scan in enumerate(scans):
-            there = begun if gap == home else scan.best(*_sets_at_another_gap(space, begun[0]))
-            if there is None:
+            gap_set = (
+                reference_set
+                if gap == reference_gap
+                else scan.find_best(*_sets_at_another_gap(space, reference_set[0]))
+            )
+            if gap_set is None:
                 break
-            sets.append(there[0])
+            gap_sets.append(gap_set[0])
         else:
             return space.pack(
-                [form.make_set([*form.named_values(parameter_set).values()]) for parameter_set in sets]
+                [
+                    response_form.make_set([*response_form.named_values(parameter_set).values()])
+                    for parameter_set in gap_sets
+                ]
             )
     return None
 
 
-def _number(name: str, rng: np.random.Generator) -> float:
+def _sample_parameter(name: str, rng: np.random.Generator) -> float:
     low, high = _LAW_RANGES[name.split("_", maxsplit=1)[0]]
-    part = float(rng.random())
-    return low + (high - low) * part if low == 0.0 else float(low * (high / low) ** part)
+    fraction = float(rng.random())
+    return low + (high - low) * fraction if low == 0.0 else float(low * (high / low) ** fraction)
 
 
 def _sets_at_reference_gap(
-    space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float
+    space: CoordinateSpace, law: tuple[float, ...], max_field: float, share_sum: float
 ) -> list[ParameterSet]:
     """Return sets of one law with several reluctances and the same largest effective field."""
-    top, reached = space.records.input_span, size * driven / (1.0 + driven)
-    omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
-    found = [ParameterSet(law, omega, top / (driven + omega * reached), 1.0, 0.0, 0.0, 0.0)
+    input_span, magnetisation = space.records.input_span, share_sum * max_field / (1.0 + max_field)
+    omegas = [0.0, *np.geomspace(*_OMEGA_RANGE, _SCAN_POINTS)]
+    parameter_sets = [ParameterSet(law, omega, input_span / (max_field + omega * magnetisation), 1.0, 0.0, 0.0, 0.0)
              for omega in omegas]  # fmt: skip
-    found += [replace(found[0], omega=omega / size) for omega in (-0.3, -0.7)]
+    parameter_sets += [replace(parameter_sets[0], omega=omega / share_sum) for omega in (-0.3, -0.7)]
     # h follows from scale and gain if field and flux density are measured.
     return [
-        replace(parameter_set, h=0.0 if space.form.permeability else space.form.h) for parameter_set in found
+        replace(parameter_set, h=0.0 if space.form.permeability else space.form.h)
+        for parameter_set in parameter_sets
     ]
 
 
 def _sets_at_another_gap(
-    space: CoordinateSpace, known: ParameterSet
+    space: CoordinateSpace, reference_set: ParameterSet
 ) -> tuple[list[ParameterSet], float | None]:
     """Return the sets that the map allows at another gap, and the gain if it is common."""
     if space.gap_map == "scaling":
-        return [replace(known, scale=ratio * known.scale) for ratio in _RATIOS], known.gain
-    unscaled = known.scale * (1.0 - known.h * known.omega)
-    omegas = [max(known.omega, 0.05) * ratio**2 for ratio in _RATIOS]
-    ways = [replace(known, omega=omega, scale=unscaled / max(1.0 - known.h * omega, 0.05))
+        return [
+            replace(reference_set, scale=ratio * reference_set.scale) for ratio in _SCALE_RATIOS
+        ], reference_set.gain
+    unscaled = reference_set.scale * (1.0 - reference_set.h * reference_set.omega)
+    omegas = [max(reference_set.omega, 0.05) * ratio**2 for ratio in _SCALE_RATIOS]
+    candidates = [replace(reference_set, omega=omega, scale=unscaled / max(1.0 - reference_set.h * omega, 0.05))
             for omega in omegas]  # fmt: skip
-    return ways, None if space.gap_map == "circuit" else known.gain
+    return candidates, None if space.gap_map == "circuit" else reference_set.gain
 
 
-def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
+def find_best_known(target: Target, loops: Loops, draw_number: int) -> dict[str, Known | None]:
     """Fit a law and map from random starts, then without offsets; None if there is no solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
-    full_records = CoordinateSpace(target.gap_map, records, target.form, common=common)
+    full_records = CoordinateSpace(target.gap_map, records, target.response_form, common=common)
     coarse, fine = (
         replace(full_records, records=records.thinned(max_samples))
         for max_samples in (COARSE_SAMPLES, FINE_SAMPLES)
     )
-    rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
-    starts = [random_start(coarse, rng) for _ in range(STARTS)]
-    first_fits = [descend_from(coarse, start, 1e-4, _FIRST) for start in starts if start is not None]
+    rng = np.random.default_rng([SETTINGS["seed"], draw_number, zlib.crc32(target.name.encode())])
+    starts = [random_start(coarse, rng) for _ in range(START_COUNT)]
+    first_fits = [descend_from(coarse, start, 1e-4, _FIRST_STEPS) for start in starts if start is not None]
     if not first_fits:
         return {target.name: None}
     first_fits.sort(key=lambda fit: fit.cost)
-    ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _SHORT) for fit in first_fits[:RANKED]]
+    ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _COARSE_STEPS) for fit in first_fits[:RANKED_STARTS]]
     ranked_fits.sort(key=lambda fit: fit.cost)
-    best_fits = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
+    best_fits = [descend_from(fine, fit.theta, 1e-6, _FINE_STEPS) for fit in ranked_fits[:FINE_STARTS]]
     best_fits.sort(key=lambda fit: fit.cost)
     near_count = sum(bool(fit.cost <= _NEAR_RATIO**2 * best_fits[0].cost) for fit in best_fits)
-    final_fits = [descend_from(full_records, fit.theta, 1e-7, _LAST) for fit in best_fits[:FINISHED]]
+    final_fits = [
+        descend_from(full_records, fit.theta, 1e-7, _FINAL_STEPS) for fit in best_fits[:FINAL_STARTS]
+    ]
     space_without_offsets, kept_coordinates = full_records.with_fixed(OFFSET_NAMES)
     final_fits_without_offsets = [
-        descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _LAST) for fit in final_fits
+        descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _FINAL_STEPS)
+        for fit in final_fits
     ]
     return {
         target.name: find_best_fit(final_fits, loops, near_count),
@@ -246,24 +272,29 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     }
 
 
-def find_best_fit(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
+def find_best_fit(fits: Sequence[FoundModel], loops: Loops, near_count: int) -> Known | None:
     """Return the best fit in the form of the file; usable fits are preferred."""
-    found = []
-    for fit in ends:
+    ranked_fits = []
+    for fit in fits:
         try:
             rms = 100.0 * loops_rms(make_model(fit, loops), loops)
         except (InputError, NegativeResult):
             continue
-        found.append((not is_usable(fit, loops), rms, fit.theta.size))
-    if not found:
+        ranked_fits.append((not is_usable(fit, loops), rms, fit.theta.size))
+    if not ranked_fits:
         return None
-    unusable, rms, numbers = min(found)
-    return {"numbers": numbers, "rms": float(f"{rms:.5g}"), "near": near, "usable": not unusable}
+    is_unusable, rms, parameter_count = min(ranked_fits)
+    return {
+        "numbers": parameter_count,
+        "rms": float(f"{rms:.5g}"),
+        "near": near_count,
+        "usable": not is_unusable,
+    }
 
 
-def is_usable(found: FoundModel, loops: Loops) -> bool:
+def is_usable(fit: FoundModel, loops: Loops) -> bool:
     """Whether identification could choose a fit: it compiles and does not fail acceptance."""
-    model = replace(make_model(found, loops), valid=valid_range(loops))
+    model = replace(make_model(fit, loops), valid=valid_range(loops))
     if is_electromagnet(loops) and find_compile_obstacle(model) is not None:
         return False
     return model.acceptance().passed is not False
@@ -272,32 +303,32 @@ def is_usable(found: FoundModel, loops: Loops) -> bool:
 def main(arguments: Sequence[str]) -> None:
     """Run missing fits of some draws for some minutes, expensive laws and odd draws last."""
     warnings.simplefilter("ignore")
-    first, last = (int(end) for end in arguments[0].split("-"))
-    until = time.monotonic() + 60.0 * float(arguments[1])
-    kept = json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.exists() else {"draws": {}}
+    first_draw, last_draw = (int(end) for end in arguments[0].split("-"))
+    deadline = time.monotonic() + 60.0 * float(arguments[1])
+    known_fits = json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.exists() else {"draws": {}}
     for stage in STAGES:
-        for number in sorted(range(first, last + 1), key=lambda draw_number: draw_number % 2):
+        for number in sorted(range(first_draw, last_draw + 1), key=lambda draw_number: draw_number % 2):
             loops = draw(number).loops
-            draws = kept["draws"]
+            draws = known_fits["draws"]
             finished_stage = draws.setdefault(str(number), {"through": 0, "fits": {}})
             fits = finished_stage["fits"]
-            for target in targets(loops, stage):
-                if time.monotonic() > until:
+            for target in list_targets(loops, stage):
+                if time.monotonic() > deadline:
                     return
                 if target.name not in fits:
-                    fits |= best_known(target, loops, number)
-                    write(kept)
+                    fits |= find_best_known(target, loops, number)
+                    write_known_fits(known_fits)
             finished_stage["through"] = max(stage, finished_stage["through"])
-            write(kept)
+            write_known_fits(known_fits)
             print(f"known: draw {number}, stage {stage}", flush=True)
 
 
-def write(kept: dict[str, Any]) -> None:
+def write_known_fits(known_fits: dict[str, Any]) -> None:
     """Write the file with one line for each law and map, so that its changes can be reviewed."""
     lines = []
-    for number, done in sorted(kept["draws"].items(), key=lambda item: int(item[0])):
-        rows = [f"  {json.dumps(name)}: {json.dumps(fit)}" for name, fit in done["fits"].items()]
-        file_text = f'"{number}": {{"through": {done["through"]}, "fits": {{'
+    for number, draw_fits in sorted(known_fits["draws"].items(), key=lambda item: int(item[0])):
+        rows = [f"  {json.dumps(name)}: {json.dumps(fit)}" for name, fit in draw_fits["fits"].items()]
+        file_text = f'"{number}": {{"through": {draw_fits["through"]}, "fits": {{'
         lines.append(f" {file_text}\n" + ",\n".join(rows) + "\n }}")
     with atomic_writer(KNOWN_FILE) as file:  # a search may read the file at the same time
         file.write('{"draws": {\n' + ",\n".join(lines) + "\n}}\n")

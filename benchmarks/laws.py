@@ -26,15 +26,15 @@ from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 from rows import ROOT, Row, Stopwatch, measurements
 
-PAPER = "effective-field"
-CHOSEN = "auto"
+PAPER_LAW = "effective-field"
+CHOSEN_LAW = "auto"
 
 MEAN_TARGET, WORST_TARGET, SMALL_CYCLES_TARGET = 0.12, 0.8, 0.2
 """Targets, % of the largest force: mean and worst at unseen gaps, mean in small cycles about a
 bias."""
 
 
-def _irons() -> ModuleType:
+def _load_irons_module() -> ModuleType:
     path = ROOT / "examples" / "irons" / "make_loops.py"
     spec = importlib.util.spec_from_file_location("anhyst_irons", path)
     assert spec is not None
@@ -55,8 +55,8 @@ class ForceErrors:
     @classmethod
     def of(cls, deviation: list[FloatArray], largest: float) -> ForceErrors:
         """Compute the metrics from deviations and a largest force, N."""
-        parts = 100.0 * np.abs(np.concatenate(deviation)) / largest
-        return cls(float(parts.mean()), float(parts.max()))
+        percentages = 100.0 * np.abs(np.concatenate(deviation)) / largest
+        return cls(float(percentages.mean()), float(percentages.max()))
 
     def __str__(self) -> str:
         """Return both values as text."""
@@ -78,16 +78,17 @@ def _unseen_row(name: str, models: dict[str, Model], truth: Loops) -> Row:
     largest = _largest_force(truth)
     errors = {law: ForceErrors.of(_unseen_residuals(model, truth), largest) for law, model in models.items()}
     curve_errors = ForceErrors.of([residuals for _, residuals in single_valued_residuals(truth)], largest)
-    ours = errors[CHOSEN]
+    chosen_errors = errors[CHOSEN_LAW]
     return Row(
         f"{name}, unseen gaps: mean error",
         f"<= {MEAN_TARGET:g} %, worst {WORST_TARGET:g} % of F_max",
-        f"{ours} ({models[CHOSEN].law}); {PAPER} {errors[PAPER]}; best single-valued {curve_errors}",
-        ours.mean <= MEAN_TARGET and ours.worst <= WORST_TARGET,
+        f"{chosen_errors} ({models[CHOSEN_LAW].law}); {PAPER_LAW} {errors[PAPER_LAW]}; "
+        f"best single-valued {curve_errors}",
+        chosen_errors.mean <= MEAN_TARGET and chosen_errors.worst <= WORST_TARGET,
     )
 
 
-def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest: ForceErrors,
+def _path_rows(module: ModuleType, name: str, models: dict[str, Model], fixed_gap_errors: ForceErrors,
                largest: float) -> list[Row]:  # fmt: skip
     """Return the rows of a moving gap and of small cycles about a bias."""
     offset = module.SETTINGS["sensors"]["current_offset_A"]
@@ -101,50 +102,50 @@ def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest:
                 modelled = model.predict(truth.current + offset, truth.gap, history="demagnetised").output
                 deviations.append((modelled - truth.force)[truth.counted])
             errors[law] = ForceErrors.of(deviations, largest)
-        ours, moving = errors[CHOSEN], title == "moving gap"
+        chosen_errors, is_moving = errors[CHOSEN_LAW], title == "moving gap"
         result_rows.append(
             Row(
                 f"{name}, {title}: mean error",
-                "<= 1.25 times that at fixed gaps" if moving else f"<= {SMALL_CYCLES_TARGET:g} % of F_max",
-                f"{ours}; {PAPER} {errors[PAPER]}",
-                ours.mean <= (1.25 * at_rest.mean if moving else SMALL_CYCLES_TARGET),
+                "<= 1.25 times that at fixed gaps" if is_moving else f"<= {SMALL_CYCLES_TARGET:g} % of F_max",
+                f"{chosen_errors}; {PAPER_LAW} {errors[PAPER_LAW]}",
+                chosen_errors.mean <= (1.25 * fixed_gap_errors.mean if is_moving else SMALL_CYCLES_TARGET),
             )
         )
     return result_rows
 
 
-def magnets() -> list[Row]:
+def measure_magnets() -> list[Row]:
     """Measure the bundled magnet with its own iron and with six others."""
-    module = _irons()
-    bundled = ROOT / "examples" / "electromagnet"
-    result_rows = [_bundled(bundled)]
+    module = _load_irons_module()
+    bundled_folder = ROOT / "examples" / "electromagnet"
+    result_rows = [_bundled_row(bundled_folder)]
     for name in module.tables():
         with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder:
             for file, text in module.files(name).items():
                 (Path(folder) / file).write_text(text, encoding="utf-8")
             loops = read_loops(Path(folder) / "loops.csv")
             truth = read_loops(Path(folder) / "unseen_truth.csv")
-        models = {law: identify(loops, law=law).model for law in (PAPER, CHOSEN)}
+        models = {law: identify(loops, law=law).model for law in (PAPER_LAW, CHOSEN_LAW)}
         result_rows.append(_unseen_row(name, models, truth))
         largest = _largest_force(truth)
-        at_rest = ForceErrors.of(_unseen_residuals(models[CHOSEN], truth), largest)
-        result_rows += _path_rows(module, name, models, at_rest, largest)
+        fixed_gap_errors = ForceErrors.of(_unseen_residuals(models[CHOSEN_LAW], truth), largest)
+        result_rows += _path_rows(module, name, models, fixed_gap_errors, largest)
     return result_rows
 
 
-def _bundled(folder: Path) -> Row:
+def _bundled_row(folder: Path) -> Row:
     loops, truth = (read_loops(folder / name) for name in ("loops.csv", "unseen_truth.csv"))
     watch = Stopwatch()
-    chosen = identify(loops, law=CHOSEN).model
-    spent = watch.processor
-    models = {PAPER: identify(loops, law=PAPER).model, CHOSEN: chosen}
+    chosen_model = identify(loops, law=CHOSEN_LAW).model
+    identify_seconds = watch.processor
+    models = {PAPER_LAW: identify(loops, law=PAPER_LAW).model, CHOSEN_LAW: chosen_model}
     row = _unseen_row("bundled magnet", models, truth)
     return Row(
         row.what,
         f"{row.reach}; identification <= 5 s of processor time",
-        f"{row.measured}; {spent:.1f} s",
-        bool(row.met) and spent <= 5.0,
-        spent,
+        f"{row.measured}; {identify_seconds:.1f} s",
+        bool(row.met) and identify_seconds <= 5.0,
+        identify_seconds,
     )
 
 
@@ -159,25 +160,25 @@ def _joint_rms(loops: Loops, law: str, weights: str) -> list[float]:
 
 def _withheld_rms(loops: Loops, law: str) -> list[float]:
     """Return the rms error of each withheld inner loop, % of its largest output."""
-    ordered = sorted(loops.loops, key=lambda loop: float(np.max(np.abs(loop.output))))
-    found = []
-    for loop in ordered[1:-1]:
+    loops_by_size = sorted(loops.loops, key=lambda loop: float(np.max(np.abs(loop.output))))
+    rms_errors = []
+    for loop in loops_by_size[1:-1]:
         other_loops = loops.with_loops([other_loop for other_loop in loops.loops if other_loop is not loop])
         model = identify(other_loops, law=law, weights="relative", offsets=False).model
         residuals = model.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
-        found.append(100.0 * float(np.sqrt(np.mean(residuals**2)) / np.max(np.abs(loop.output))))
-    return found
+        rms_errors.append(100.0 * float(np.sqrt(np.mean(residuals**2)) / np.max(np.abs(loop.output))))
+    return rms_errors
 
 
 def _list_text(values: list[float]) -> str:
     return ", ".join(f"{value:.2f}" for value in values) + " %"
 
 
-def materials(folder: Path) -> list[Row]:
+def measure_materials(folder: Path) -> list[Row]:
     """Measure joint fits of real materials, and errors at withheld loops for comparison."""
     ferrite = folder / "ferrite_mnzn" / "mnzn_hp_ferrite_4loops.csv"
     steel = folder / "steel_core1_dc" / "loops.csv"
-    sets = (
+    material_sets = (
         ("MnZn ferrite, 4 loops", read_loops(ferrite, history="settled"), "points", 0.6),
         (
             "solid steel, 4 loops, each",
@@ -186,26 +187,27 @@ def materials(folder: Path) -> list[Row]:
             0.8,
         ),
     )
-    found = []
-    for name, loops, weights, target_percent in sets:
-        joint = {law: _joint_rms(loops, law, weights) for law in (PAPER, CHOSEN)}
-        withheld = {law: _withheld_rms(loops, law) for law in (PAPER, CHOSEN)}
-        found.append(
+    material_rows = []
+    for name, loops, weights, target_percent in material_sets:
+        joint_errors = {law: _joint_rms(loops, law, weights) for law in (PAPER_LAW, CHOSEN_LAW)}
+        withheld_errors = {law: _withheld_rms(loops, law) for law in (PAPER_LAW, CHOSEN_LAW)}
+        material_rows.append(
             Row(
                 f"{name}: rms of one set",
                 f"<= {target_percent:g} % of B_max",
-                f"{_list_text(joint[CHOSEN])}; withheld inner loops {_list_text(withheld[CHOSEN])}; {PAPER} "
-                f"{_list_text(joint[PAPER])}; withheld {_list_text(withheld[PAPER])}",
-                max(joint[CHOSEN]) <= target_percent,
+                f"{_list_text(joint_errors[CHOSEN_LAW])}; "
+                f"withheld inner loops {_list_text(withheld_errors[CHOSEN_LAW])}; "
+                f"{PAPER_LAW} {_list_text(joint_errors[PAPER_LAW])}; withheld {_list_text(withheld_errors[PAPER_LAW])}",
+                max(joint_errors[CHOSEN_LAW]) <= target_percent,
             )
         )
-    return [*found, _gadolinium(folder / "gadolinium_temperature")]
+    return [*material_rows, _gadolinium_row(folder / "gadolinium_temperature")]
 
 
-def _gadolinium(folder: Path) -> Row:
+def _gadolinium_row(folder: Path) -> Row:
     loops = thin_loops(read_loops(sorted(folder.glob("gd_*.csv")), file_name="gd_T{T_C}C"), 300)
     errors = {}
-    for law in (PAPER, CHOSEN):
+    for law in (PAPER_LAW, CHOSEN_LAW):
         deviations = []
         for value in loops.schedule_values[1:-1]:
             model = identify(loops.without(value), law=law, gap_map="free").model
@@ -214,12 +216,12 @@ def _gadolinium(folder: Path) -> Row:
     return Row(
         "gadolinium, withheld temperature: mean error",
         "<= 15 mT",
-        f"{errors[CHOSEN]:.1f} mT; {PAPER} {errors[PAPER]:.1f} mT",
-        errors[CHOSEN] <= 15.0,
+        f"{errors[CHOSEN_LAW]:.1f} mT; {PAPER_LAW} {errors[PAPER_LAW]:.1f} mT",
+        errors[CHOSEN_LAW] <= 15.0,
     )
 
 
 def rows() -> list[Row]:
     """Return all rows about the laws."""
     folder = measurements()
-    return [*magnets(), *(materials(folder) if folder else [])]
+    return [*measure_magnets(), *(measure_materials(folder) if folder else [])]

@@ -45,8 +45,8 @@ from tracking import IRONS
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 PLANTS, SEED, NOISES = 6, 30, (1, 2, 3)
 METHODS: tuple[MethodName, ...] = ("full", "play", "single-valued")
-TABLE = Drift(pinning=0.2, gap_offset=10e-6)
-REACH = 1.2
+TABLE_DRIFT = Drift(pinning=0.2, gap_offset=10e-6)
+MAX_RATIO = 1.2
 OTHER_IRONS = ("preisach-usual", "preisach-hard", "duhem-usual")
 GAP_ZERO_SIGMA_M = {"spread.gap_zero_m": 5e-6}
 
@@ -56,13 +56,13 @@ BearingMetrics = tuple[float, float]
 
 def evaluate_controller(setup: BearingSetup, drift: Drift) -> BearingMetrics:
     """Return the metrics of one controller on one plant, averaged over the noise seeds."""
-    scenario, begin = plan_trajectory(setup, setup.rig.settings.trajectories[0])
+    scenario, begin_tick = plan_trajectory(setup, setup.rig.settings.trajectories[0])
     metrics = []
     for noise in NOISES:
-        steps = run_bearing({setup.method: setup}, setup.method, drift, noise)
+        step_results = run_bearing({setup.method: setup}, setup.method, drift, noise)
         plant = drifted_plant(setup.rig, drift, noise)
-        run = SimulatedLoop(setup, plant=plant).run(scenario).slice_ticks(begin, scenario.ticks)
-        metrics.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
+        run = SimulatedLoop(setup, plant=plant).run(scenario).slice_ticks(begin_tick, scenario.ticks)
+        metrics.append((step_results["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
     overshoot, force = np.mean(metrics, axis=0).tolist()
     return overshoot, force
 
@@ -75,108 +75,122 @@ def record_steps(setup: BearingSetup, drift: Drift) -> Recording:
 
 
 def calibrate_plant(
-    ready: BearingInputs, what: tuple[MethodName, Drift]
+    inputs: BearingInputs, method_and_drift: tuple[MethodName, Drift]
 ) -> tuple[Calibration, BearingMetrics, BearingMetrics]:
     """Return the calibration of a plant, and its metrics before and after."""
-    method, drift = what
-    informed, table = ready.identify_magnet(), ready.controller.settings
-    before = make_setup(ready.rig, table, informed, method, "fixed")
+    method, drift = method_and_drift
+    identified_magnet, table = inputs.identify_magnet(), inputs.controller.settings
+    nominal_setup = make_setup(inputs.rig, table, identified_magnet, method, "fixed")
     with tempfile.TemporaryDirectory() as folder:
-        found = calibrate(
-            ready.rig,
-            record_steps(before, drift),
+        calibration = calibrate(
+            inputs.rig,
+            record_steps(nominal_setup, drift),
             Path(folder) / "calibration.toml",
-            magnet=informed,
+            magnet=identified_magnet,
             methods=[method],
-            controller=ready.controller,
+            controller=inputs.controller,
         )
-        own, after = ready.rig, before
-        if found.has_estimates:
-            own = change_rig(own, {"control.calibration": "calibration.toml"})
-            own = replace(own, path=Path(folder) / "rig.toml")
-            after = make_setup(own, table, informed, method, "fixed")
-    return found, evaluate_controller(before, drift), evaluate_controller(after, drift)
+        calibrated_rig, calibrated_setup = inputs.rig, nominal_setup
+        if calibration.has_estimates:
+            calibrated_rig = change_rig(calibrated_rig, {"control.calibration": "calibration.toml"})
+            calibrated_rig = replace(calibrated_rig, path=Path(folder) / "rig.toml")
+            calibrated_setup = make_setup(calibrated_rig, table, identified_magnet, method, "fixed")
+    return (
+        calibration,
+        evaluate_controller(nominal_setup, drift),
+        evaluate_controller(calibrated_setup, drift),
+    )
 
 
-def make_informed_setup(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
+def make_known_drift_setup(inputs: BearingInputs, nominal_setup: BearingSetup) -> BearingSetup:
     """Return the controller that knows the drift of the plant in the table."""
-    known = calibrate_magnet(ready.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning)
-    table = ready.controller.settings
-    (fitted,) = fit_bearing_compensators(ready.rig, table, [known], before.method, "fixed")
-    return replace(before, compensator=fitted)
+    drifted_magnet = calibrate_magnet(
+        inputs.identify_magnet(), gap_zero=TABLE_DRIFT.gap_offset, width_change=TABLE_DRIFT.pinning
+    )
+    table = inputs.controller.settings
+    (fitted_compensator,) = fit_bearing_compensators(
+        inputs.rig, table, [drifted_magnet], nominal_setup.method, "fixed"
+    )
+    return replace(nominal_setup, compensator=fitted_compensator)
 
 
 def make_table_row(
-    found: Calibration,
-    nominal: BearingMetrics,
-    before: BearingMetrics,
-    after: BearingMetrics,
-    informed: BearingMetrics,
+    calibration: Calibration,
+    nominal_metrics: BearingMetrics,
+    drifted_metrics: BearingMetrics,
+    calibrated_metrics: BearingMetrics,
+    known_drift_metrics: BearingMetrics,
 ) -> Row:
     """Return the row of one method for the plant of the table."""
-    (method,) = found.file.method
+    (method,) = calibration.file.method
     metrics_text = "; ".join(
-        f"{metric_name} {nominal[part]:.3g} {unit} nominal, {before[part]:.3g} drifted, "
-        f"{after[part]:.3g} calibrated, {informed[part]:.3g} with known drift"
-        for part, (metric_name, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
+        f"{metric_name} {nominal_metrics[metric_index]:.3g} {unit} nominal, "
+        f"{drifted_metrics[metric_index]:.3g} drifted, {calibrated_metrics[metric_index]:.3g} calibrated, "
+        f"{known_drift_metrics[metric_index]:.3g} with known drift"
+        for metric_index, (metric_name, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
-    numbers = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
+    parameter_text = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
-        f"calibrated <= {REACH:g} times nominal",
-        f"{metrics_text}; {method.summary}; {numbers}",
+        f"calibrated <= {MAX_RATIO:g} times nominal",
+        f"{metrics_text}; {method.summary}; {parameter_text}",
         all(
-            value <= REACH * calibrated_value for value, calibrated_value in zip(after, nominal, strict=True)
+            value <= MAX_RATIO * calibrated_value
+            for value, calibrated_value in zip(calibrated_metrics, nominal_metrics, strict=True)
         ),
     )
 
 
 def make_random_plants_row(
-    method: MethodName, nominal: BearingMetrics, forces: Sequence[tuple[float, float]]
+    method: MethodName, nominal_metrics: BearingMetrics, forces: Sequence[tuple[float, float]]
 ) -> Row:
     """Return the row of one method for all random plants."""
-    pairs = ", ".join(f"{before:.3g} -> {after:.3g}" for before, after in forces)
+    pairs = ", ".join(
+        f"{drifted_error:.3g} -> {calibrated_error:.3g}" for drifted_error, calibrated_error in forces
+    )
     return Row(
         f"bearing, {PLANTS} random plants: {method}, force error",
         "",
-        f"{pairs} N; {nominal[1]:.3g} N nominal",
+        f"{pairs} N; {nominal_metrics[1]:.3g} N nominal",
         None,
     )
 
 
-def make_iron_row(ready: BearingInputs, name: str, drift: Drift) -> Row:
+def make_iron_row(inputs: BearingInputs, name: str, drift: Drift) -> Row:
     """Return the row of another iron, with measured loops and an identified model."""
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
-    rig = change_rig(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
+    rig = change_rig(inputs.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
     identified = identify_magnet(measure_loops(rig))
-    changed = replace(ready, rig=rig, loops=identified.loops, model=identified.model)
-    found, before, after = calibrate_plant(changed, ("full", drift))
-    (method,) = found.file.method
+    iron_inputs = replace(inputs, rig=rig, loops=identified.loops, model=identified.model)
+    calibration, drifted_metrics, calibrated_metrics = calibrate_plant(iron_inputs, ("full", drift))
+    (method,) = calibration.file.method
     return Row(
-        f"bearing of {name}, {'drifted' if drift == TABLE else 'nominal'}: full, force error",
+        f"bearing of {name}, {'drifted' if drift == TABLE_DRIFT else 'nominal'}: full, force error",
         "",
-        f"{before[1]:.3g} -> {after[1]:.3g} N; {method.summary}",
+        f"{drifted_metrics[1]:.3g} -> {calibrated_metrics[1]:.3g} N; {method.summary}",
         None,
     )
 
 
-def make_method_row(ready: BearingInputs, method: MethodName) -> Row:
+def make_method_row(inputs: BearingInputs, method: MethodName) -> Row:
     """Return the row of one method for the plant of the table."""
-    setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
-    found, before, after = calibrate_plant(ready, (method, TABLE))
-    nominal, best = (
+    setup = make_setup(inputs.rig, inputs.controller.settings, inputs.identify_magnet(), method, "fixed")
+    calibration, drifted_metrics, calibrated_metrics = calibrate_plant(inputs, (method, TABLE_DRIFT))
+    nominal_metrics, known_drift_metrics = (
         evaluate_controller(setup, NO_DRIFT),
-        evaluate_controller(make_informed_setup(ready, setup), TABLE),
+        evaluate_controller(make_known_drift_setup(inputs, setup), TABLE_DRIFT),
     )
-    return make_table_row(found, nominal, before, after, best)
+    return make_table_row(
+        calibration, nominal_metrics, drifted_metrics, calibrated_metrics, known_drift_metrics
+    )
 
 
 def prepare_inputs() -> BearingInputs:
     """Return the example with a larger standard deviation of the gap zero than its file states."""
     rig, controller = read_files(RIG, None)
-    ready = check_inputs(change_rig(rig, GAP_ZERO_SIGMA_M), controller)
-    return replace(ready, model=ready.identify_magnet().model)
+    inputs = check_inputs(change_rig(rig, GAP_ZERO_SIGMA_M), controller)
+    return replace(inputs, model=inputs.identify_magnet().model)
 
 
 def measure_table_plant() -> list[Row]:
@@ -186,16 +200,26 @@ def measure_table_plant() -> list[Row]:
 
 def rows() -> list[Row]:
     """Calibrate every method on the plant of the table, on random plants and on other irons."""
-    ready = prepare_inputs()
-    drawn = [sample_plant(ready.rig.settings, SEED, number)[0] for number in range(PLANTS)]
-    all_outcomes = [(method, drift) for method in METHODS for drift in drawn]
+    inputs = prepare_inputs()
+    random_drifts = [sample_plant(inputs.rig.settings, SEED, number)[0] for number in range(PLANTS)]
+    all_outcomes = [(method, drift) for method in METHODS for drift in random_drifts]
     outcomes = dict(
-        zip(all_outcomes, map_ordered(partial(calibrate_plant, ready), all_outcomes), strict=True)
+        zip(all_outcomes, map_ordered(partial(calibrate_plant, inputs), all_outcomes), strict=True)
     )
-    lines = []
-    for method, line in zip(METHODS, map_ordered(partial(make_method_row, ready), METHODS), strict=True):
-        setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
-        before_and_after = [outcomes[method, drift][1:] for drift in drawn]
-        forces = [(before[1], after[1]) for before, after in before_and_after]
-        lines += [line, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
-    return lines + [make_iron_row(ready, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE)]
+    method_rows = []
+    for method, method_row in zip(
+        METHODS, map_ordered(partial(make_method_row, inputs), METHODS), strict=True
+    ):
+        setup = make_setup(inputs.rig, inputs.controller.settings, inputs.identify_magnet(), method, "fixed")
+        before_and_after = [outcomes[method, drift][1:] for drift in random_drifts]
+        forces = [
+            (drifted_metrics[1], calibrated_metrics[1])
+            for drifted_metrics, calibrated_metrics in before_and_after
+        ]
+        method_rows += [
+            method_row,
+            make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces),
+        ]
+    return method_rows + [
+        make_iron_row(inputs, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE_DRIFT)
+    ]

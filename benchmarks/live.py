@@ -33,14 +33,14 @@ def rows() -> list[Row]:
     """Build the firmware of the bundled bearing and run it on the bench."""
     rig, controller = read_files(RIG, None)
     ready = check_inputs(rig, controller)
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as folder_name:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.identify_magnet(), "library", Path(place)
+            ready.rig, controller, ready.identify_magnet(), "library", Path(folder_name)
         )
-        with one_core():
-            alone = measure_speed("one core", setup, firmware)
+        with use_one_core():
+            one_core_row = measure_speed("one core", setup, firmware)
         return [
-            alone,
+            one_core_row,
             measure_speed(f"{os.cpu_count()} cores", setup, firmware),
             measure_pacing(setup, firmware),
             compare_million_ticks(setup, firmware),
@@ -48,7 +48,7 @@ def rows() -> list[Row]:
 
 
 @contextmanager
-def one_core() -> Iterator[None]:
+def use_one_core() -> Iterator[None]:
     """Restrict this process and its child processes to one core."""
     cores = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(cores)})
@@ -62,25 +62,25 @@ def measure_speed(core_text: str, setup: BearingSetup, firmware: Path) -> Row:
     """Levitate without pacing and measure the ratio of simulated time to wall time."""
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
-    lift(bench)
-    began = time.perf_counter()
+    lift_off(bench)
+    start_time = time.perf_counter()
     ticks = round(RUN_S * bench.rate)
     for _ in range(ticks // 200):
         bench.advance(200)
-    wall_seconds = time.perf_counter() - began
+    wall_seconds = time.perf_counter() - start_time
     bench.close()
-    factor = RUN_S / wall_seconds
+    real_time_factor = RUN_S / wall_seconds
     return Row(
         f"virtual bearing, {bench.rate:g} Hz, independent iron, full, 4 sub-steps, {core_text}",
         ">= 1 times real time",
-        f"{factor:.2f} times real time, {1e6 * wall_seconds / ticks:.1f} us per tick, "
+        f"{real_time_factor:.2f} times real time, {1e6 * wall_seconds / ticks:.1f} us per tick, "
         f"{1e6 * watch.processor / bench.tick:.1f} us of processor time of plant and firmware",
-        factor >= 1.0,
+        real_time_factor >= 1.0,
         watch.processor,
     )
 
 
-def lift(bench: BearingBench) -> None:
+def lift_off(bench: BearingBench) -> None:
     """Lift the armature off."""
     bench.advance(200)
     bench.command(Command.DEMAGNETISED)
@@ -91,39 +91,40 @@ def lift(bench: BearingBench) -> None:
 def measure_pacing(setup: BearingSetup, firmware: Path) -> Row:
     """Levitate in real time while a recorder and a viewer receive the signals."""
     bench = BearingBench(setup, firmware)
-    lift(bench)
-    first = bench.tick + 1
+    lift_off(bench)
+    first_tick = bench.tick + 1
     pacer = PacedBench(bench, is_paused=True)
-    recorder, numbers = pacer.subscribe("recorder", needs_every_tick=True), []
+    recorder, row_blocks = pacer.subscribe("recorder", needs_every_tick=True), []
     pacer.subscribe("viewer", max_chunks=3)
 
     def record() -> None:
         while (chunk := recorder.get()) is not None:
-            numbers.append(chunk[:, 0])
+            row_blocks.append(chunk[:, 0])
 
     thread = threading.Thread(target=record)
     thread.start()
-    began, tick = time.monotonic(), bench.tick
+    start_time, tick = time.monotonic(), bench.tick
     pacer.resume()
     pacings: list[Pacing] = []
-    while time.monotonic() < began + PACED_S:
+    while time.monotonic() < start_time + PACED_S:
         time.sleep(0.5)
         pacings.append(pacer.pacing())
-    elapsed, tick_count = time.monotonic() - began, pacings[-1].tick - tick
+    elapsed, tick_count = time.monotonic() - start_time, pacings[-1].tick - tick
     pacer.close()
     thread.join()
     bench.close()
-    row = np.concatenate(numbers)
-    is_complete = bool((row == np.arange(first, first + row.size)).all())
-    worst = max(pacing.max_lateness for pacing in pacings)
-    factor = tick_count / bench.rate / elapsed
+    tick_numbers = np.concatenate(row_blocks)
+    is_complete = bool((tick_numbers == np.arange(first_tick, first_tick + tick_numbers.size)).all())
+    max_lateness = max(pacing.max_lateness for pacing in pacings)
+    real_time_factor = tick_count / bench.rate / elapsed
     return Row(
         f"virtual bearing, paced in real time for {PACED_S:g} s, recorded",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
-        f"{factor:.3f} times, lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
-        f"mean, {1e3 * worst:.1f} ms at most, {pacings[-1].slip_count} pacing slips, "
+        f"{real_time_factor:.3f} times, "
+        f"lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
+        f"mean, {1e3 * max_lateness:.1f} ms at most, {pacings[-1].slip_count} pacing slips, "
         f"{'none' if is_complete else 'some'} lost",
-        is_complete and worst <= LATE_S and factor >= 0.99,
+        is_complete and max_lateness <= LATE_S and real_time_factor >= 0.99,
     )
 
 
@@ -140,11 +141,11 @@ def compare_million_ticks(setup: BearingSetup, firmware: Path) -> Row:
     recorded = follow_scenario(bench, scenario)
     bench.close()
     simulated = SimulatedLoop(setup).run(scenario)
-    at = [signal.name for signal in bench.signals].index
+    signal_index = [signal.name for signal in bench.signals].index
     differing_ticks = np.zeros(scenario.ticks, dtype=bool)
-    for name, column in (("gap", "gap_m"), ("command", "command_A"), ("force", "force_N")):
-        differing_ticks |= recorded[:, 1 + at(name)] != simulated[column]
-    landed = recorded[-1, 1 + at("state")] == State.READY
+    for name, column_name in (("gap", "gap_m"), ("command", "command_A"), ("force", "force_N")):
+        differing_ticks |= recorded[:, 1 + signal_index(name)] != simulated[column_name]
+    landed = recorded[-1, 1 + signal_index("state")] == State.READY
     return Row(
         f"{scenario.ticks} ticks of steps on the bench against the simulated loop",
         "no tick lost, no tick differs",
@@ -159,11 +160,11 @@ def follow_scenario(bench: BearingBench, scenario: Scenario) -> np.ndarray:
     events = (scenario.command != 0) | (np.diff(scenario.target, prepend=np.nan) != 0.0)
     events |= np.diff(scenario.load, prepend=np.nan) != 0.0
     begins = np.flatnonzero(events)
-    found = []
-    for begin, end in zip(begins, [*begins[1:], scenario.ticks], strict=True):
-        if scenario.command[begin]:
-            bench.command(Command(int(scenario.command[begin])))
-        bench.demand(float(scenario.target[begin]))
-        bench.load(float(scenario.load[begin]))
-        found.append(bench.advance(int(end - begin)))
-    return np.concatenate(found)
+    table_blocks = []
+    for begin_tick, end in zip(begins, [*begins[1:], scenario.ticks], strict=True):
+        if scenario.command[begin_tick]:
+            bench.command(Command(int(scenario.command[begin_tick])))
+        bench.demand(float(scenario.target[begin_tick]))
+        bench.load(float(scenario.load[begin_tick]))
+        table_blocks.append(bench.advance(int(end - begin_tick)))
+    return np.concatenate(table_blocks)

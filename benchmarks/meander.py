@@ -38,7 +38,7 @@ m."""
 STEP_ALONG_Y = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, has_final_rest=True)
 """Set-point of a step along y: accelerations, m/s2, and speed, m/s."""
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux", "fused")
-PIECE = 20_000
+PIECE_TICKS = 20_000
 SETTLED_S = 5e-3
 """Time from the end of the acceleration to the beginning of the exposure, s."""
 
@@ -58,39 +58,39 @@ class Path:
         phases = scan.jerk_phase_s, scan.snap_phase_s
         return SetPoint((max(scan.test_m_per_s2),) * FIELDS, scan.speed_m_per_s, cruise, *phases)
 
-    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def set_points_at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and accelerations at given times."""
-        along, moved = (
+        x_motion, moved_length = (
             self.motion_along_x,
             float(STEP_ALONG_Y.derivatives_at(np.array([STEP_ALONG_Y.duration]))[0][0]),
         )
-        side_step = replace(STEP_ALONG_Y, cruise=(FIELD_PITCH_M - moved) / STEP_ALONG_Y.speed)
-        lasts = side_step.duration - 2.0 * side_step.cruise  # without the cruise before and after it
-        x, y = along.derivatives_at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
-        for begin, length, _ in along.pulses[1:]:
-            since = begin + 0.5 * (length - lasts) - side_step.cruise
-            place, acceleration, _, _ = side_step.derivatives_at(time - since)
-            y = [y[0] + place, y[1] + acceleration]
+        side_step = replace(STEP_ALONG_Y, cruise=(FIELD_PITCH_M - moved_length) / STEP_ALONG_Y.speed)
+        pulse_duration = side_step.duration - 2.0 * side_step.cruise  # without the cruise before and after it
+        x, y = x_motion.derivatives_at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
+        for pulse_start, length, _ in x_motion.pulses[1:]:
+            step_start = pulse_start + 0.5 * (length - pulse_duration) - side_step.cruise
+            step_position, acceleration, _, _ = side_step.derivatives_at(time - step_start)
+            y = [y[0] + step_position, y[1] + acceleration]
         return np.column_stack([x[0], y[0]]), np.column_stack([x[1], y[1]])
 
     def exposure_mask(self, count: int) -> np.ndarray:
         """Return the mask of the ticks in which a field is exposed."""
-        found, dt = np.zeros(count, dtype=bool), self.rig.dt
-        for begin, length, _ in self.motion_along_x.pulses:
-            end = begin + length + self.motion_along_x.cruise
-            found[round((begin + length + SETTLED_S) / dt) : round(end / dt)] = True
-        return found
+        mask, dt = np.zeros(count, dtype=bool), self.rig.dt
+        for pulse_start, length, _ in self.motion_along_x.pulses:
+            end = pulse_start + length + self.motion_along_x.cruise
+            mask[round((pulse_start + length + SETTLED_S) / dt) : round(end / dt)] = True
+        return mask
 
 
 def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     """Return the errors of all coordinates, one row for each tick, and the union of all flags."""
     rig, file, path = setup.rig, setup.rig.settings, Path(setup.rig)
-    free, n = file.body.free, round(path.motion_along_x.duration / rig.dt)
-    time, ahead = tick_times(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
-    places, set_points = path.at(time)[0], np.zeros((n + 1, len(free)))
-    set_points[:, :2] = places
-    accelerations = np.zeros((n, len(free)))
-    accelerations[:, :2] = path.at(time[:n] + ahead)[1]
+    free_axes, n = file.body.free, round(path.motion_along_x.duration / rig.dt)
+    time, lead_time = tick_times(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
+    path_positions, set_points = path.set_points_at(time)[0], np.zeros((n + 1, len(free_axes)))
+    set_points[:, :2] = path_positions
+    accelerations = np.zeros((n, len(free_axes)))
+    accelerations[:, :2] = path.set_points_at(time[:n] + lead_time)[1]
     wrench = accelerations @ mass_matrix(file).T - weight_wrench(file)
     delayed_stray = path.motion_along_x.derivatives_at(time - STROKE_ERROR_DELAY_S)[1] / max(
         file.scan.test_m_per_s2
@@ -100,13 +100,15 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     frame[:, 1] += stroke_error_from_acceleration(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     loop = ClosedLoop(bearing, setup.make_controller(), current_controllers(rig))
-    pose_errors, flags = np.zeros((n, len(free))), 0
-    for begin in range(0, n, PIECE):
-        end = min(begin + PIECE, n)
-        part = Scenario(set_points[begin:end], feed=wrench[begin:end], frame=frame[begin : end + 1])
-        run = loop.run(part)
-        poses = np.column_stack([run[name] for name in axis_columns("pose", free)])
-        pose_errors[begin:end] = set_points[begin:end] - poses - frame[begin:end]
+    pose_errors, flags = np.zeros((n, len(free_axes))), 0
+    for first_tick in range(0, n, PIECE_TICKS):
+        end = min(first_tick + PIECE_TICKS, n)
+        piece_scenario = Scenario(
+            set_points[first_tick:end], feed=wrench[first_tick:end], frame=frame[first_tick : end + 1]
+        )
+        run = loop.run(piece_scenario)
+        poses = np.column_stack([run[name] for name in axis_columns("pose", free_axes)])
+        pose_errors[first_tick:end] = set_points[first_tick:end] - poses - frame[first_tick:end]
         flags |= int(np.bitwise_or.reduce(run["flags"].astype(int)))
     return pose_errors, flags
 

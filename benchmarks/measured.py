@@ -56,17 +56,17 @@ def fit_ferrite(folder: Path) -> list[Row]:
     """Fit one set to four nested MnZn ferrite loops; compare with differential evolution."""
     loops = read_loops(folder / baseline.FILE, history="settled")
     records = make_fit_records(loops, "points")
-    form = make_response_form(loops.input, loops.output, "effective-field")
+    response_form = make_response_form(loops.input, loops.output, "effective-field")
     samples = sum(loop.n for loop in loops.loops)
     seed_times, to_same, sums = [], [], []
     for seed in range(SEEDS):
         clock = _Clock()
         # A lambda, so that the patched method still receives its objective as first argument.
         with patch.object(Objective, "normal_equations", lambda *call, c=clock: c.watch(*call)):
-            found = search_one_gap(form, records, seed, frozenset({"in_0", "out_0"}))
+            search_result = search_one_gap(response_form, records, seed, frozenset({"in_0", "out_0"}))
         seed_times.append(time.process_time() - clock.began)
         to_same.append(clock.reached)
-        sums.append(found.cost * records.output_span**2 * samples)
+        sums.append(search_result.cost * records.output_span**2 * samples)
     baselines = [baseline.run(seed, folder=folder) for seed in range(SEEDS)]
     baseline_times = [baseline.seconds_to_reach(result, SAME_ERROR) for result in baselines]
     rms = 100.0 * np.sqrt(max(sums) / samples) / records.output_span
@@ -92,7 +92,7 @@ def fit_ferrite(folder: Path) -> list[Row]:
             float(np.median(seed_times)),
         ),
         Row(
-            f"MnZn ferrite, against differential evolution, to {SAME_ERROR} T^2",
+            f"MnZn ferrite, time to a sum of squares of {SAME_ERROR} T^2, against differential evolution",
             ">= 50 times faster",
             f"{np.median(baseline_times) / np.median(to_same):.0f} times: median "
             f"{1e3 * np.median(to_same):.1f} ms against {1e3 * np.median(baseline_times):.0f} ms "
@@ -104,8 +104,8 @@ def fit_ferrite(folder: Path) -> list[Row]:
 
 def _fit_single_loop(loop: Loop, loops: Loops) -> float:
     """Return the rms error of one loop fitted alone, relative to its largest output."""
-    alone = loops.with_loops([loop])
-    fit = identify(alone, law=LAW, offsets=False).model.fit
+    one_loop = loops.with_loops([loop])
+    fit = identify(one_loop, law=LAW, offsets=False).model.fit
     assert fit is not None
     return fit.rms / fit.largest_output
 
@@ -141,13 +141,13 @@ def fit_gadolinium(folder: Path) -> list[Row]:
         published = {float(row["T_C"]): float(row["RMSE_T"]) for row in csv.DictReader(file)}
     paths = sorted(folder.glob("gd_*.csv"))
     loops = read_loops(paths, file_name="gd_T{T_C}C")
-    parts, worse = [], 0
+    deviations, worse_count = [], 0
     for value in loops.schedule_values:
         loops_at_value = loops.at(value)
-        found = identify(loops_at_value, law=LAW, weights="points")
-        ours = _rmse(loops_at_value, found.fitted)
-        worse += ours > published[value]
-        parts.append(f"{value:+.0f} C {1e3 * ours:.1f} ({1e3 * published[value]:.1f})")
+        identification = identify(loops_at_value, law=LAW, weights="points")
+        ours = _rmse(loops_at_value, identification.fitted)
+        worse_count += ours > published[value]
+        deviations.append(f"{value:+.0f} C {1e3 * ours:.1f} ({1e3 * published[value]:.1f})")
     schedule = identify(thin_loops(loops, 300), law=LAW, gap_map="free").model
     assert schedule.fit is not None
     left_out = schedule.fit.left_out["free"]
@@ -155,8 +155,8 @@ def fit_gadolinium(folder: Path) -> list[Row]:
         Row(
             "gadolinium, a set for each temperature: RMSE over 3 loops, mT (published)",
             "not worse than published",
-            ", ".join(parts),
-            worse == 0,
+            ", ".join(deviations),
+            worse_count == 0,
         ),
         Row(
             "gadolinium, schedule over temperature, one withheld",
@@ -174,12 +174,12 @@ def predict_ferrite_gap(folder: Path) -> Row:
     path = folder / "ferrite_core_gaps" / "loops_by_gap.csv"
     loops = read_loops(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
-    parts, is_ordered = [], True
+    deviations, is_ordered = [], True
     for value in loops.schedule_values:
         model = identify(loops.without(value), law=LAW, gap_map="reluctance").model
         (loop,) = loops.at(value).loops
         residuals = model.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
-        parts.append(f"{1e3 * value:g} mm {100 * np.mean(np.abs(residuals)) / largest:.1f} %")
+        deviations.append(f"{1e3 * value:g} mm {100 * np.mean(np.abs(residuals)) / largest:.1f} %")
         drive = np.linspace(-1.0, 1.0, 101) * float(np.max(np.abs(loop.input)))
         cycle = np.concatenate([drive, drive[::-1]])
         heights = [
@@ -190,7 +190,7 @@ def predict_ferrite_gap(folder: Path) -> Row:
     return Row(
         "ferrite core, reluctance map: mean error at the withheld gap",
         "reported; loops between their neighbours",
-        ", ".join(parts) + f"; loops between their neighbours: {'yes' if is_ordered else 'no'}",
+        ", ".join(deviations) + f"; loops between their neighbours: {'yes' if is_ordered else 'no'}",
         is_ordered,
     )
 

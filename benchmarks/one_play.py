@@ -35,8 +35,8 @@ DEMAND_FRACTION = 0.95
 def _simulated_readings(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
     """Return the noise-free sensor readings of force; negative currents are set to zero."""
     sensors = magnet.sensors
-    driven = np.maximum(current - sensors.current_offset, 0.0)
-    return magnet.force(driven, gap) + sensors.force_offset
+    coil_current = np.maximum(current - sensors.current_offset, 0.0)
+    return magnet.force(coil_current, gap) + sensors.force_offset
 
 
 def list_magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
@@ -53,22 +53,22 @@ def list_magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
             yield name, loops, partial(_simulated_readings, magnet)
 
 
-def measure(loops: Loops, answer: ForceModel) -> tuple[float, dict[str, CycleErrors]]:
+def measure(loops: Loops, force_model: ForceModel) -> tuple[float, dict[str, CycleErrors]]:
     """Return the largest demand, N, and the errors of each method over three gaps."""
     gaps = [gap for gap in loops.by_schedule() if gap is not None]
-    ends = min(gaps), max(gaps)
+    end_gaps = min(gaps), max(gaps)
     max_current = max(float(loop.input.max()) for loop in loops.loops)
     drive = np.linspace(0.0, max_current, 100)
-    test_gaps = np.linspace(*ends, 5)[1:-1].tolist()
-    max_demand = {gap: DEMAND_FRACTION * float(answer(drive, gap)[-1]) for gap in test_gaps}
+    test_gaps = np.linspace(*end_gaps, 5)[1:-1].tolist()
+    max_demand = {gap: DEMAND_FRACTION * float(force_model(drive, gap)[-1]) for gap in test_gaps}
     largest = max(max_demand.values())
-    operating_range = OperatingRange(test_gaps[1], 0.5 * largest, 20_000.0, ends, largest, max_current)
+    operating_range = OperatingRange(test_gaps[1], 0.5 * largest, 20_000.0, end_gaps, largest, max_current)
     sources = Sources(operating_range, loops, identify_magnet(loops).model)
     errors_by_method: dict[str, CycleErrors] = {}
     for method in METHODS:
         compensator = make_compensator(method, sources, "fixed")
         for gap in test_gaps:
-            errors = measure_cycle_errors(compensator.reset_copy(), answer, gap, max_demand[gap])
+            errors = measure_cycle_errors(compensator.reset_copy(), force_model, gap, max_demand[gap])
             errors_by_method[method] = (
                 errors_by_method[method].join_errors(errors) if method in errors_by_method else errors
             )
@@ -79,12 +79,16 @@ def main() -> None:
     """Print the table in per cent of the largest force."""
     print("| magnet | law | whole loop, rms | worst | cycles of 10 %, rms | worst |")
     print("| --- | --- | --- | --- | --- | --- |")
-    for name, loops, answer in list_magnets():
-        largest, found = measure(loops, answer)
-        for method, errors in found.items():
-            values = [of(part) for part in (errors.major, errors.small) for of in (rms, max_magnitude)]
-            shown = " | ".join(f"{100.0 * value / largest:.2f}" for value in values)
-            print(f"| {name}, {largest:.0f} N | `{method}` | {shown} |", flush=True)
+    for name, loops, force_model in list_magnets():
+        largest, errors_by_method = measure(loops, force_model)
+        for method, errors in errors_by_method.items():
+            values = [
+                error_measure(cycle_errors)
+                for cycle_errors in (errors.major, errors.small)
+                for error_measure in (rms, max_magnitude)
+            ]
+            error_texts = " | ".join(f"{100.0 * value / largest:.2f}" for value in values)
+            print(f"| {name}, {largest:.0f} N | `{method}` | {error_texts} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 SIGNALS = 16
-DRAWN_S = 20.0
-ORDERS = 40
+DRAWING_S = 20.0
+COMMAND_COUNT = 40
 SOAK_S = float(os.environ.get("ANHYST_SOAK_S", "60"))
 FLOOD_S = 60.0
 LATE_S = 0.02
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 
-FRAMES = """seconds => new Promise(resolve => {
+FRAME_SCRIPT = """seconds => new Promise(resolve => {
   let frames = 0;
   const began = performance.now();
   const next = now => {
@@ -51,7 +51,7 @@ FRAMES = """seconds => new Promise(resolve => {
   requestAnimationFrame(next);
 })"""
 
-DELAY = """([name, value]) => new Promise(resolve => {
+DELAY_SCRIPT = """([name, value]) => new Promise(resolve => {
   const input = document.querySelector(`[aria-label="${name}"]`);
   const shown = document.getElementById("confirmed");
   const seen = new MutationObserver(() => {
@@ -82,7 +82,7 @@ with connect(address, origin=origin, max_queue=1):  # never reads
 
 def rows() -> list[Row]:
     """Measure the levitated bundled bearing with an open page."""
-    with tempfile.TemporaryDirectory() as place, serve_bearing(Path(place)) as (session, page):
+    with tempfile.TemporaryDirectory() as folder_name, serve_bearing(Path(folder_name)) as (session, page):
         result_rows = [
             measure_frame_rate(session, page),
             measure_delay(page),
@@ -91,27 +91,27 @@ def rows() -> list[Row]:
         origin = page.url.rstrip("/")
         address = origin.replace("http", "ws") + "/live"
         with subprocess.Popen([sys.executable, "-c", ATTACK_PROGRAM, address, origin]) as attacker:
-            beside = "page open, one client floods, another never reads"
-            result_rows.append(measure_long_run(session, FLOOD_S, beside))
+            title = "page open, one client floods, another never reads"
+            result_rows.append(measure_long_run(session, FLOOD_S, title))
             assert attacker.poll() is None
             attacker.kill()
         return result_rows
 
 
 @contextmanager
-def serve_bearing(place: Path) -> Iterator[tuple[LiveSession, Page]]:
+def serve_bearing(folder: Path) -> Iterator[tuple[LiveSession, Page]]:
     """Serve the bearing, with recording, to a browser that shows many signals, and lift it off."""
     from playwright.sync_api import sync_playwright
 
     bench = open_bench(RIG)
-    session = LiveSession(bench, start_recording(place / "run.csv", bench.signals, bench.rate))
-    taken = listen_on("127.0.0.1", 0)
-    port = int(taken.getsockname()[1])
+    session = LiveSession(bench, start_recording(folder / "run.csv", bench.signals, bench.rate))
+    server_socket = listen_on("127.0.0.1", 0)
+    port = int(server_socket.getsockname()[1])
     server = make_server(session, "bearing", ("127.0.0.1", port))
 
     def run() -> None:
         with raised_priority():
-            server.run(sockets=[taken])
+            server.run(sockets=[server_socket])
 
     thread = threading.Thread(target=run, name="server")
     reduce_latency()
@@ -136,31 +136,31 @@ def serve_bearing(place: Path) -> Iterator[tuple[LiveSession, Page]]:
         server.should_exit = True
         thread.join()
         session.close()
-        taken.close()
+        server_socket.close()
 
 
 def thread_times() -> dict[str, float]:
     """Return the processor time of each thread of this process, s."""
-    found = {}
+    seconds_by_thread = {}
     for thread in threading.enumerate():
         fields = Path(f"/proc/self/task/{thread.native_id}/stat").read_text().rpartition(")")[2]
         user, system = fields.split()[11:13]
-        found[thread.name] = TICK_S * (int(user) + int(system))
-    return found
+        seconds_by_thread[thread.name] = TICK_S * (int(user) + int(system))
+    return seconds_by_thread
 
 
 def measure_frame_rate(session: LiveSession, page: Page) -> Row:
     """Plot many signals at the full rate; measure the frame rate and the processor load."""
-    before, began = thread_times(), time.perf_counter()
-    frames = page.evaluate(FRAMES, DRAWN_S)
-    took, after = time.perf_counter() - began, thread_times()
-    used = {name: (after[name] - before.get(name, 0.0)) / took for name in after}
-    server = used["server"] + used["pages"]
+    times_before, start_time = thread_times(), time.perf_counter()
+    frames = page.evaluate(FRAME_SCRIPT, DRAWING_S)
+    took, times_after = time.perf_counter() - start_time, thread_times()
+    core_fractions = {name: (times_after[name] - times_before.get(name, 0.0)) / took for name in times_after}
+    server = core_fractions["server"] + core_fractions["pages"]
     return Row(
         f"{SIGNALS} signals at {session.bench.rate:g} Hz in Chromium",
         ">= 55 frames per second; server <= 15 % of a core",
         f"{frames:.1f} frames per second; server {100 * server:.1f} %, recording "
-        f"{100 * used['recorder']:.1f} %, plant {100 * used['pacer']:.1f} % of a core",
+        f"{100 * core_fractions['recorder']:.1f} %, plant {100 * core_fractions['pacer']:.1f} % of a core",
         frames >= 55.0 and server <= 0.15,
     )
 
@@ -169,38 +169,38 @@ def measure_delay(page: Page) -> Row:
     """Measure the time from a parameter change until the page shows the first tick that used it."""
     page.get_by_role("tab", name="4 parameters").click()
     delays = []
-    for n in range(ORDERS):
-        delays.append(page.evaluate(DELAY, ["load_damping", str(5.0 + n)]))
+    for n in range(COMMAND_COUNT):
+        delays.append(page.evaluate(DELAY_SCRIPT, ["load_damping", str(5.0 + n)]))
         time.sleep(0.1)
     page.get_by_role("tab", name="1 scope").click()
     median = statistics.median(delays)
     return Row(
         "changed value until its first tick is shown",
         "<= 60 ms, median",
-        f"{median:.0f} ms, {max(delays):.0f} ms at most, of {ORDERS}",
+        f"{median:.0f} ms, {max(delays):.0f} ms at most, of {COMMAND_COUNT}",
         median <= 60.0,
     )
 
 
 def measure_long_run(session: LiveSession, seconds: float, load_text: str) -> Row:
     """Levitate for a long time with recording; measure lateness and memory growth."""
-    began, first = time.monotonic(), session.bench.tick
-    slips, worst = session.pacer.pacing().slip_count, 0.0
-    sizes = []
-    while (elapsed := time.monotonic() - began) < seconds:
+    start_time, first_tick = time.monotonic(), session.bench.tick
+    slips, max_lateness = session.pacer.pacing().slip_count, 0.0
+    memory_sizes = []
+    while (elapsed := time.monotonic() - start_time) < seconds:
         time.sleep(0.5)
-        worst = max(worst, session.pacer.pacing().max_lateness)
+        max_lateness = max(max_lateness, session.pacer.pacing().max_lateness)
         if elapsed > 0.1 * seconds:  # buffers are full from here on
-            sizes.append(resident_memory())
+            memory_sizes.append(resident_memory())
     pace = session.pacer.pacing()
-    factor = (pace.tick - first) / session.bench.rate / (time.monotonic() - began)
-    memory_growth = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
+    real_time_factor = (pace.tick - first_tick) / session.bench.rate / (time.monotonic() - start_time)
+    memory_growth = statistics.median(memory_sizes[-10:]) / statistics.median(memory_sizes[:10]) - 1.0
     return Row(
         f"levitates for {seconds:g} s, recorded, {load_text}",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
-        f"{factor:.4f} times, lateness {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} "
-        f"pacing slips; memory {100 * memory_growth:+.1f} % of {sizes[0]:.0f} MB",
-        factor >= 0.999 and worst <= LATE_S and abs(memory_growth) <= 0.05,
+        f"{real_time_factor:.4f} times, lateness {1e3 * max_lateness:.1f} ms at most, {pace.slip_count - slips} "
+        f"pacing slips; memory {100 * memory_growth:+.1f} % of {memory_sizes[0]:.0f} MB",
+        real_time_factor >= 0.999 and max_lateness <= LATE_S and abs(memory_growth) <= 0.05,
     )
 
 

@@ -51,12 +51,12 @@ def make_iron_rows(iron: str, study: TrackingStudy) -> list[Row]:
     result_rows = []
     for title, name, factor, unit, target_ratio in METRICS:
         means = {variant: results.interval(name).mean for variant, results in study.variants.items()}
-        share = means["full"] / means["single-valued"]
+        mean_ratio = means["full"] / means["single-valued"]
         means_text = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
         aim = "reported" if target_ratio is None else f"<= {target_ratio:g} times single-valued"
-        text = f"{share:.3g}; {means_text} {unit}"
+        text = f"{mean_ratio:.3g}; {means_text} {unit}"
         result_rows.append(
-            Row(f"planar, {iron}: {title}", aim, text, target_ratio is None or share <= target_ratio)
+            Row(f"planar, {iron}: {title}", aim, text, target_ratio is None or mean_ratio <= target_ratio)
         )
     return result_rows
 
@@ -67,18 +67,18 @@ def measure_at_300_hz(
     """Return the means over the seeds: moving average and peak along x, m; largest ry, rad."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
-    motion, found = scan_motion(scan, scan.test_m_per_s2), []
+    motion, plant_metrics = scan_motion(scan, scan.test_m_per_s2), []
     for seed in range(1, rig.settings.noise_seeds + 1):
         run = track(setup, motion, gains, seed)
         measures = measure(run, motion, scan.slit_s)
-        found.append((measures.average_m, measures.peak_m, cross_talk(run, motion, ["ry"])["ry_rad"]))
-    average, peak, largest_ry = np.mean(found, axis=0).tolist()
+        plant_metrics.append((measures.average_m, measures.peak_m, cross_talk(run, motion, ["ry"])["ry_rad"]))
+    average, peak, largest_ry = np.mean(plant_metrics, axis=0).tolist()
     return average, peak, largest_ry
 
 
 def make_fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the row of one iron at the high crossover."""
-    found = dict(
+    metrics_by_method = dict(
         zip(
             COMPARED_METHODS,
             map_ordered(partial(measure_at_300_hz, rig, magnet), COMPARED_METHODS),
@@ -87,10 +87,10 @@ def make_fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     )
     text = "; ".join(
         f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * largest_ry:.3g} nrad"
-        for name, (average, peak, largest_ry) in found.items()
+        for name, (average, peak, largest_ry) in metrics_by_method.items()
     )
     title = f"planar at {FAST_HZ:g} Hz, {iron}: x, moving average"
-    return Row(title, f"<= {1e9 * FAST_TARGET_M:g} nm", text, found["full"][0] <= FAST_TARGET_M)
+    return Row(title, f"<= {1e9 * FAST_TARGET_M:g} nm", text, metrics_by_method["full"][0] <= FAST_TARGET_M)
 
 
 def make_loss_rows() -> list[Row]:
@@ -135,11 +135,11 @@ def make_head_rows() -> list[Row]:
 def rows() -> list[Row]:
     """Return all rows about the planar stage."""
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
-    found = []
+    result_rows = []
     for name in IRON_NAMES:
         rig = with_iron(read_stage(RIG), families[name])
         magnet = identify_stage_magnet(rig, measure_loops(rig))
-        found += make_iron_rows(name, explore_stage(rig, magnet))
+        result_rows += make_iron_rows(name, explore_stage(rig, magnet))
         fast = with_iron(read_stage(RIG), families[name], FAST_HZ)
-        found.append(make_fast_row(name, fast, magnet))
-    return found + make_loss_rows() + make_head_rows()
+        result_rows.append(make_fast_row(name, fast, magnet))
+    return result_rows + make_loss_rows() + make_head_rows()

@@ -61,16 +61,16 @@ def measure_bundled_example() -> list[Row]:
     largest = max(float(np.max(loop.output)) for loop in truth.loops)
     curve_errors = demo.unseen_single_valued(truth)
     rows = []
-    for gap_map, reach in (("scaling", 0.5), ("reluctance", 0.35)):
+    for gap_map, target_percent in (("scaling", 0.5), ("reluctance", 0.35)):
         errors = demo.unseen_deviation(identify(loops, gap_map=gap_map).model, truth)
         mean = 100.0 * errors.mean / largest
         rows.append(
             Row(
                 f"bundled example, unseen gaps, '{gap_map}': mean error",
-                f"<= {reach:g} % of F_max",
+                f"<= {target_percent:g} % of F_max",
                 f"{mean:.3f} %, worst {100 * errors.worst / largest:.2f} %; best single-valued curve "
                 f"{100 * curve_errors.mean / largest:.2f} %, worst {100 * curve_errors.worst / largest:.2f} %",
-                mean <= reach,
+                mean <= target_percent,
             )
         )
     return [*rows, *measure_identify_time(example_folder / "loops.csv")]
@@ -116,8 +116,8 @@ def ratio_text(ratio: float) -> str:
 def cells(row: Row, machine: Machine) -> list[str]:
     """Return the cells of a row of the table."""
     ratio = "" if row.seconds is None else ratio_text(row.seconds / machine.yardstick)
-    met = "-" if row.met is None else "yes" if row.met else "NO"
-    return [row.what, row.reach, row.measured, ratio, met]
+    met_text = "-" if row.met is None else "yes" if row.met else "NO"
+    return [row.what, row.reach, row.measured, ratio, met_text]
 
 
 def markdown(rows: Sequence[Row], machine: Machine) -> str:
@@ -130,7 +130,7 @@ def markdown(rows: Sequence[Row], machine: Machine) -> str:
     return "\n".join(lines) + "\n"
 
 
-def show(rows: Sequence[Row], machine: Machine) -> None:
+def print_table(rows: Sequence[Row], machine: Machine) -> None:
     """Print the table: drawn on a terminal, otherwise as Markdown with unwrapped lines."""
     if not sys.stdout.isatty():
         print(markdown(rows, machine), end="")
@@ -157,12 +157,12 @@ def main(names: Sequence[str]) -> int:
     for name in names or MODULES:
         print(f"bench: {name}", file=sys.stderr, flush=True)
         rows += rows_of(name)
-    show(rows, machine)
+    print_table(rows, machine)
     out = ROOT / "build"
     out.mkdir(exist_ok=True)
     (out / "bench.md").write_text(markdown(rows, machine), encoding="utf-8")
-    found = {"machine": asdict(machine), "rows": [asdict(row) for row in rows]}
-    text = json.dumps(found, indent=2, ensure_ascii=False)
+    measured_table = {"machine": asdict(machine), "rows": [asdict(row) for row in rows]}
+    text = json.dumps(measured_table, indent=2, ensure_ascii=False)
     (out / "bench.json").write_text(text + "\n", encoding="utf-8")
     return 0
 

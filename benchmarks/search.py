@@ -33,12 +33,12 @@ from anhyst.model.actuator import Model
 from anhyst.model.schema import CHOSEN
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
-from drawn import COUNT, Draw, Test, draw
+from drawn import DRAW_COUNT, Draw, Test, draw
 from drawn_families import FAMILIES
 from rows import ROOT, Row, Stopwatch
 
 KNOWN_FILE = ROOT / "benchmarks" / "known_best.json"
-FOUND = ROOT / "build" / "search.json"
+RESULTS_FILE = ROOT / "build" / "search.json"
 KINDS = ("same", "unseen", "moving", "small", "other")
 
 MAX_RATIO = 1.1
@@ -73,13 +73,13 @@ def deviation(model: Model, test: Test) -> FloatArray:
         output = model.predict(test.input, test.schedule, history=test.history).output
     except (InputError, NegativeResult):
         return np.full(1, np.inf)
-    return np.asarray((output - test.output)[test.counted])
+    return np.asarray((output - test.output)[test.evaluated_mask])
 
 
 def measure(draw_to_measure: Draw) -> DrawResult:
     """Identify a draw with default settings; return the errors of its model on all test records."""
-    loops, drive = draw_to_measure.loops, draw_to_measure.true["drive"]
-    found: DrawResult = {
+    loops, drive = draw_to_measure.loops, draw_to_measure.true_parameters["drive"]
+    draw_result: DrawResult = {
         "number": draw_to_measure.number,
         "family": draw_to_measure.family,
         "start": drive["start"],
@@ -87,19 +87,19 @@ def measure(draw_to_measure: Draw) -> DrawResult:
         "gaps": len(loops.schedule_values),
         "loops": len(loops),
         "noise": 0.0
-        if draw_to_measure.true["sensors"]["noiseless"]
-        else draw_to_measure.true["sensors"]["noise"],
+        if draw_to_measure.true_parameters["sensors"]["noiseless"]
+        else draw_to_measure.true_parameters["sensors"]["noise"],
     }
     watch = Stopwatch()
     try:
         model = identify(loops).model
     except (InputError, NegativeResult) as error:
-        return found | {"refused": str(error), "seconds": watch.processor}
-    found["seconds"] = watch.processor
+        return draw_result | {"refused": str(error), "seconds": watch.processor}
+    draw_result["seconds"] = watch.processor
     assert model.fit is not None
     assert model.uncertainty is not None
     chosen = [candidate.law for candidate in model.fit.candidates if candidate.note == CHOSEN]
-    found |= {
+    draw_result |= {
         "law": chosen[0] if chosen else model.law,
         "map": model.gap_map,
         "numbers": len(model.uncertainty.names),
@@ -110,116 +110,131 @@ def measure(draw_to_measure: Draw) -> DrawResult:
         residuals = [deviation(model, test) / span for test in draw_to_measure.tests if test.kind == kind]
         if residuals:
             all_tests = np.concatenate(residuals)
-            found[kind] = {
+            draw_result[kind] = {
                 "mean": float(np.mean(np.abs(all_tests))),
                 "worst": float(np.max(np.abs(all_tests))),
                 "rms": float(np.sqrt(np.mean(all_tests * all_tests))),
             }
-    if promised := model.fit.cross_validation:
-        found["promised"] = list(promised.interval)
-    return found
+    if cross_validation := model.fit.cross_validation:
+        draw_result["promised"] = list(cross_validation.interval)
+    return draw_result
 
 
-def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
+def best_known_rms(known_draw: Mapping[str, Any], max_parameters: int) -> float | None:
     """Return the deviation of the best known usable fit with at most `numbers` parameters."""
-    fits = known["fits"].values() if known["through"] >= REQUIRED_STAGE else ()
-    usable_rms = [fit["rms"] for fit in fits if fit and fit["usable"] and fit["numbers"] <= numbers]
+    fits = known_draw["fits"].values() if known_draw["through"] >= REQUIRED_STAGE else ()
+    usable_rms = [fit["rms"] for fit in fits if fit and fit["usable"] and fit["numbers"] <= max_parameters]
     return 0.01 * min(usable_rms) if usable_rms else None
 
 
-def with_known(tried: Sequence[DrawResult]) -> list[DrawResult]:
+def add_known_ratios(draw_results: Sequence[DrawResult]) -> list[DrawResult]:
     """Add the ratios of each deviation to that of the best known fits, if these are known.
 
     The first ratio is to the fits with at most as many parameters, the second to all fits.
     """
     known_fits = json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.exists() else {"draws": {}}
-    found = []
-    for draw_result in tried:
-        known = known_fits["draws"].get(str(draw_result["number"]))
+    extended_results = []
+    for draw_result in draw_results:
+        known_draw = known_fits["draws"].get(str(draw_result["number"]))
         ratios = {}
-        for name, numbers in (("ratio", draw_result.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
-            best = known_rms(known, numbers) if known and "rms" in draw_result else None
-            if best is not None:
-                ratios[name] = max(draw_result["rms"], MIN_DEVIATION) / max(best, MIN_DEVIATION)
-        found.append(draw_result | ratios)
-    return found
+        for name, max_parameters in (("ratio", draw_result.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
+            best_rms = (
+                best_known_rms(known_draw, max_parameters) if known_draw and "rms" in draw_result else None
+            )
+            if best_rms is not None:
+                ratios[name] = max(draw_result["rms"], MIN_DEVIATION) / max(best_rms, MIN_DEVIATION)
+        extended_results.append(draw_result | ratios)
+    return extended_results
 
 
-def _by_family(tried: Sequence[DrawResult], figure: Callable[[Sequence[DrawResult]], str]) -> str:
+def _text_by_family(
+    draw_results: Sequence[DrawResult], metric_text: Callable[[Sequence[DrawResult]], str]
+) -> str:
     """Return a metric of all draws and of each family, as text."""
     groups = {
-        name: [draw_result for draw_result in tried if draw_result["family"] == name] for name in FAMILIES
+        name: [draw_result for draw_result in draw_results if draw_result["family"] == name]
+        for name in FAMILIES
     }
-    texts = [f"{name} {figure(group)}" for name, group in groups.items() if group]
-    return "; ".join([f"all {figure(tried)}", *texts])
+    texts = [f"{name} {metric_text(group)}" for name, group in groups.items() if group]
+    return "; ".join([f"all {metric_text(draw_results)}", *texts])
 
 
 def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str:
     return f"{scale * float(np.median(values)):.{digits}g}" if values else "-"
 
 
-def _all_fits_ratio(tried: Sequence[DrawResult]) -> str:
-    ratios = [draw_result["ratio_of_all"] for draw_result in tried if "ratio_of_all" in draw_result]
+def _all_fits_ratio_text(draw_results: Sequence[DrawResult]) -> str:
+    ratios = [draw_result["ratio_of_all"] for draw_result in draw_results if "ratio_of_all" in draw_result]
     return f"{_median(ratios)}, worst {max(ratios):.3g}" if ratios else "-"
 
 
-def _near_fraction(tried: Sequence[DrawResult]) -> str:
-    ratios = [draw_result["ratio"] for draw_result in tried if "ratio" in draw_result]
+def _near_best_text(draw_results: Sequence[DrawResult]) -> str:
+    ratios = [draw_result["ratio"] for draw_result in draw_results if "ratio" in draw_result]
     if not ratios:
         return "-"
-    share = float(np.mean([ratio <= MAX_RATIO for ratio in ratios]))
-    return f"{100.0 * share:.0f} % of {len(ratios)}, worst {max(ratios):.3g}"
+    near_fraction = float(np.mean([ratio <= MAX_RATIO for ratio in ratios]))
+    return f"{100.0 * near_fraction:.0f} % of {len(ratios)}, worst {max(ratios):.3g}"
 
 
 def _error_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
-    def figure(tried: Sequence[DrawResult]) -> str:
-        have = [draw_result[kind] for draw_result in tried if kind in draw_result]
-        mean, worst = ([draw_result[name] for draw_result in have] for name in ("mean", "worst"))
-        return f"{_median(mean, 100.0)}/{_median(worst, 100.0)} %"
+    def metric_text(draw_results: Sequence[DrawResult]) -> str:
+        kind_errors = [draw_result[kind] for draw_result in draw_results if kind in draw_result]
+        mean_errors, worst_errors = (
+            [draw_result[name] for draw_result in kind_errors] for name in ("mean", "worst")
+        )
+        return f"{_median(mean_errors, 100.0)}/{_median(worst_errors, 100.0)} %"
 
-    return figure
+    return metric_text
 
 
-def _moving_ratio(tried: Sequence[DrawResult]) -> str:
-    return _median([draw_result["moving"]["mean"] / draw_result["unseen"]["mean"] for draw_result in tried
+def _moving_ratio_text(draw_results: Sequence[DrawResult]) -> str:
+    return _median([draw_result["moving"]["mean"] / draw_result["unseen"]["mean"] for draw_result in draw_results
                     if "moving" in draw_result])  # fmt: skip
 
 
-def _single_loop_ratio(tried: Sequence[DrawResult]) -> str:
-    have = [draw_result["other"]["rms"] / max(draw_result["rms"], MIN_DEVIATION) for draw_result in tried
+def _single_loop_ratio_text(draw_results: Sequence[DrawResult]) -> str:
+    rms_ratios = [draw_result["other"]["rms"] / max(draw_result["rms"], MIN_DEVIATION) for draw_result in draw_results
             if draw_result["loops"] == 1 and "other" in draw_result]  # fmt: skip
-    return f"{_median(have)}, worst {max(have):.3g} ({len(have)})" if have else "-"
+    return f"{_median(rms_ratios)}, worst {max(rms_ratios):.3g} ({len(rms_ratios)})" if rms_ratios else "-"
 
 
 def _coverage_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
-    def figure(tried: Sequence[DrawResult]) -> str:
-        have = [draw_result for draw_result in tried if "promised" in draw_result and kind in draw_result]
-        inside = [
-            draw_result["promised"][0] <= draw_result[kind]["mean"] <= draw_result["promised"][1]
-            for draw_result in have
+    def metric_text(draw_results: Sequence[DrawResult]) -> str:
+        predicted_results = [
+            draw_result for draw_result in draw_results if "promised" in draw_result and kind in draw_result
         ]
-        return f"{100.0 * float(np.mean(inside)):.0f} % of {len(have)}" if have else "-"
+        is_inside = [
+            draw_result["promised"][0] <= draw_result[kind]["mean"] <= draw_result["promised"][1]
+            for draw_result in predicted_results
+        ]
+        return (
+            f"{100.0 * float(np.mean(is_inside)):.0f} % of {len(predicted_results)}"
+            if predicted_results
+            else "-"
+        )
 
-    return figure
+    return metric_text
 
 
-def _time_text(tried: Sequence[DrawResult]) -> str:
-    seconds = [draw_result["seconds"] for draw_result in tried]
+def _time_text(draw_results: Sequence[DrawResult]) -> str:
+    seconds = [draw_result["seconds"] for draw_result in draw_results]
     return f"{_median(seconds)}/{max(seconds):.3g} s"
 
 
-def _interval_fraction(tried: Sequence[DrawResult], figure: Callable[[DrawResult], bool]) -> float:
-    return float(np.mean([figure(draw_result) for draw_result in tried])) if tried else 1.0
+def _true_fraction(draw_results: Sequence[DrawResult], condition: Callable[[DrawResult], bool]) -> float:
+    return float(np.mean([condition(draw_result) for draw_result in draw_results])) if draw_results else 1.0
 
 
-def lines_of(half_name: str, tried: Sequence[DrawResult]) -> list[Row]:
+def make_half_rows(half_name: str, draw_results: Sequence[DrawResult]) -> list[Row]:
     """Return the rows of some draws."""
-    tried = with_known(tried)
-    ratios = [draw_result for draw_result in tried if "ratio" in draw_result]
-    refused = [draw_result for draw_result in tried if "refused" in draw_result]
-    promised = [draw_result for draw_result in tried if "promised" in draw_result and "same" in draw_result]
+    draw_results = add_known_ratios(draw_results)
+    compared_results = [draw_result for draw_result in draw_results if "ratio" in draw_result]
+    refused_results = [draw_result for draw_result in draw_results if "refused" in draw_result]
+    predicted_results = [
+        draw_result for draw_result in draw_results if "promised" in draw_result and "same" in draw_result
+    ]
 
-    def holds(draw_result: DrawResult) -> bool:
+    def contains_error(draw_result: DrawResult) -> bool:
         low, high = draw_result["promised"]
         return bool(low <= draw_result["same"]["mean"] <= high)
 
@@ -227,31 +242,33 @@ def lines_of(half_name: str, tried: Sequence[DrawResult]) -> list[Row]:
         (
             f"fit within {MAX_RATIO:g} times the best known with at most as many parameters",
             "all",
-            _near_fraction,
-            _interval_fraction(ratios, lambda one: bool(one["ratio"] <= MAX_RATIO)) == 1.0
-            if ratios
+            _near_best_text,
+            _true_fraction(compared_results, lambda one: bool(one["ratio"] <= MAX_RATIO)) == 1.0
+            if compared_results
             else None,
         ),
         (
             "ratio of fit to best known with any number of parameters: median",
             "reported",
-            _all_fits_ratio,
+            _all_fits_ratio_text,
             None,
         ),
         ("unseen gaps, random reversals: mean/worst", "reported", _error_text("unseen"), None),
-        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving_ratio, None),
+        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving_ratio_text, None),
         ("cycles of 10 % about a bias: mean/worst", "reported", _error_text("small"), None),
         (
             "one loop only: ratio of rms on other records to that of the fit",
             "reported",
-            _single_loop_ratio,
+            _single_loop_ratio_text,
             None,
         ),
         (
             "predicted interval contains the true error, loops as measured",
             f">= {100.0 * TARGET_COVERAGE:.0f} %",
             _coverage_text("same"),
-            _interval_fraction(promised, holds) >= TARGET_COVERAGE if promised else None,
+            _true_fraction(predicted_results, contains_error) >= TARGET_COVERAGE
+            if predicted_results
+            else None,
         ),
         (
             "predicted interval contains the error with random reversals",
@@ -261,36 +278,37 @@ def lines_of(half_name: str, tried: Sequence[DrawResult]) -> list[Row]:
         ),
     ]
     rows = [
-        Row(f"search, {half_name}: {what}", reach, _by_family(tried, figure), met)
-        for what, reach, figure, met in table
+        Row(f"search, {half_name}: {title}", target, _text_by_family(draw_results, metric_text), is_met)
+        for title, target, metric_text, is_met in table
     ]
-    spent = sum(draw_result["seconds"] for draw_result in tried)
+    total_seconds = sum(draw_result["seconds"] for draw_result in draw_results)
     return [
         *rows,
-        Row(f"search, {half_name}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
+        Row(f"search, {half_name}: refused", "0", f"{len(refused_results)} of {len(draw_results)}",
+            not refused_results),
         Row(f"search, {half_name}: processor time of identify, median/worst", "reported",
-            _by_family(tried, _time_text), None, spent),
+            _text_by_family(draw_results, _time_text), None, total_seconds),
     ]  # fmt: skip
 
 
-def run(numbers: Sequence[int], shown: bool) -> list[DrawResult]:
+def run_draws(numbers: Sequence[int], is_stored: bool) -> list[DrawResult]:
     """Run some draws; draws that may be inspected are written to a file after each one."""
-    tried: list[DrawResult] = []
-    for place, number in enumerate(numbers, start=1):
+    draw_results: list[DrawResult] = []
+    for run_count, number in enumerate(numbers, start=1):
         result = measure(draw(number))
-        tried.append(result)
-        print(f"search: {place} of {len(numbers)}", file=sys.stderr, flush=True)
-        if shown:
-            FOUND.parent.mkdir(exist_ok=True)
-            text = json.dumps(with_known(tried), indent=1)
-            FOUND.write_text(text + "\n", encoding="utf-8")
-    return tried
+        draw_results.append(result)
+        print(f"search: {run_count} of {len(numbers)}", file=sys.stderr, flush=True)
+        if is_stored:
+            RESULTS_FILE.parent.mkdir(exist_ok=True)
+            text = json.dumps(add_known_ratios(draw_results), indent=1)
+            RESULTS_FILE.write_text(text + "\n", encoding="utf-8")
+    return draw_results
 
 
 def rows() -> list[Row]:
     """Return all rows of both halves."""
-    even, odd = (run(range(first, COUNT, 2), first == 0) for first in (0, 1))
-    return [*lines_of("even half", even), *lines_of("unseen half", odd)]
+    even, odd = (run_draws(range(first, DRAW_COUNT, 2), first == 0) for first in (0, 1))
+    return [*make_half_rows("even half", even), *make_half_rows("unseen half", odd)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -298,18 +316,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Compare the search with the best known fits.")
     parser.add_argument("--every", type=int, help="use every N-th draw of the even half")
     parser.add_argument("--reveal", action="store_true", help="store the draws of the odd half too")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     warnings.simplefilter("ignore")
-    if given.every:
-        numbers = range(0, COUNT, 2 * given.every)
-        found = lines_of("even half", run(numbers, True))
-    elif given.reveal:
-        every = run(range(COUNT), True)
-        halves = {"even half": every[::2], "odd half": every[1::2]}
-        found = [row for half, tried in halves.items() for row in lines_of(half, tried)]
+    if options.every:
+        numbers = range(0, DRAW_COUNT, 2 * options.every)
+        result_rows = make_half_rows("even half", run_draws(numbers, True))
+    elif options.reveal:
+        all_results = run_draws(range(DRAW_COUNT), True)
+        halves = {"even half": all_results[::2], "odd half": all_results[1::2]}
+        result_rows = [
+            row for half, half_results in halves.items() for row in make_half_rows(half, half_results)
+        ]
     else:
-        found = rows()
-    for row in found:
+        result_rows = rows()
+    for row in result_rows:
         print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
 
 

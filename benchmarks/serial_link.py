@@ -24,11 +24,11 @@ from anhyst_rigs.link.wire import encode
 from rows import ROOT, Row
 from tests.link.sizes import read_sizes
 
-COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))
-ON_HOST = 20_000
-WINDOW = 24
+EMULATED_COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))
+HOST_COMMANDS = 20_000
+STREAM_WINDOW = 24
 COMMANDS_A_TICK = 10
-RATE = 4000.0
+CONTROL_RATE = 4000.0
 BITS_PER_BYTE = 10
 """Eight data bits, a start bit and a stop bit."""
 
@@ -38,22 +38,22 @@ class Coil:
 
     def __init__(self) -> None:
         self._random = Random(1)
-        self._flows = 0.0
+        self._coil_current = 0.0
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Return the readings of gap, force and current."""
         noise = [self._random.gauss(0.0, 1e-4) for _ in range(3)]
-        flows, self._flows = self._flows, currents[0]
-        return Reading(0.5 + noise[0], 0.5 * flows + noise[1], flows + noise[2])
+        coil_current, self._coil_current = self._coil_current, currents[0]
+        return Reading(0.5 + noise[0], 0.5 * coil_current + noise[1], coil_current + noise[2])
 
 
 def rows() -> list[Row]:
     """Measure throughput and memory of the link."""
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
+    with tempfile.TemporaryDirectory() as folder_name:
+        folder = Path(folder_name)
         loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
         write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
-        request = CompileRequest(kind="full", io="q31", rate=RATE)
+        request = CompileRequest(kind="full", io="q31", rate=CONTROL_RATE)
         compiled = compile_model(folder / "model.toml", folder / "compiled", request).out
         return [
             *_measure_emulated_link(compiled, folder),
@@ -74,30 +74,30 @@ def _measure_emulated_link(compiled: Path, folder: Path) -> Iterator[Row]:
         return
     program = build("qemu-mps2", compiled, folder / "qemu.elf")
     with run_qemu(program, Coil()) as board:
-        seconds, lost = _stream_demands(board, COMMANDS)
+        seconds, lost = _stream_demands(board, EMULATED_COMMANDS)
     yield Row(
-        f"link on qemu-mps2, {COMMANDS} force commands",
+        f"link on qemu-mps2, {EMULATED_COMMANDS} force commands",
         ">= 1000 per second, none lost",
-        f"{COMMANDS / seconds:.0f} per second, {lost} lost",
-        COMMANDS / seconds >= 1000 and lost == 0,
+        f"{EMULATED_COMMANDS / seconds:.0f} per second, {lost} lost",
+        EMULATED_COMMANDS / seconds >= 1000 and lost == 0,
     )
 
 
 def _measure_process_link(compiled: Path, folder: Path) -> Row:
     program = build("host", compiled, folder / "host")
     with run_host(program, Coil()) as board:
-        seconds, lost = _stream_demands(board, ON_HOST)
+        seconds, lost = _stream_demands(board, HOST_COMMANDS)
         with ControllerLink(board.url, timeout=1.0) as controller:
-            began = time.perf_counter()
-            for n in range(ON_HOST):
+            start_time = time.perf_counter()
+            for n in range(HOST_COMMANDS):
                 controller.demand(n)
                 board.bus.step()
-            stepped = time.perf_counter() - began
+            stepped_seconds = time.perf_counter() - start_time
     return Row(
         "link on a pty to the firmware as a process",
         "",
-        f"{ON_HOST / seconds:.0f} force commands per second, {lost} lost; one per tick with "
-        f"answer, in lock-step: {ON_HOST / stepped:.0f} per second",
+        f"{HOST_COMMANDS / seconds:.0f} force commands per second, {lost} lost; one per tick with "
+        f"answer, in lock-step: {HOST_COMMANDS / stepped_seconds:.0f} per second",
         None,
     )
 
@@ -109,40 +109,41 @@ def _stream_demands(board: RunningFirmware, count: int) -> tuple[float, int]:
         controller.command(Command.ARM)
         controller.command(Command.RUN)
         forces = ((n % 1000) * 1_000_000 for n in range(1, count + 1))
-        began = time.perf_counter()
-        answered = 0
-        for _ in controller.stream(forces, window=WINDOW):
-            answered += 1
-            if answered % COMMANDS_A_TICK == 0:
+        start_time = time.perf_counter()
+        answer_count = 0
+        for _ in controller.stream(forces, window=STREAM_WINDOW):
+            answer_count += 1
+            if answer_count % COMMANDS_A_TICK == 0:
                 board.bus.step()
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - start_time
         status = controller.status()
     if status.state is not State.RUN:
         raise RuntimeError(f"the controller went to {status.state.name}: {status.fault.name}")
-    return seconds, count - answered + status.codes.lost_frames + status.codes.bad_frames
+    return seconds, count - answer_count + status.codes.lost_frames + status.codes.bad_frames
 
 
 def _compute_line_rate(baud: int) -> Row:
     """Compute the throughput of a full-duplex serial line, which the answers limit."""
-    demand = len(encode(DemandRequest(0x01010101), 1, 0x01010101))
-    status = len(encode(StatusAnswer(*([1] * 12)), 1, 0x01010101))
-    a_second = baud / BITS_PER_BYTE
+    demand_bytes = len(encode(DemandRequest(0x01010101), 1, 0x01010101))
+    status_bytes = len(encode(StatusAnswer(*([1] * 12)), 1, 0x01010101))
+    bytes_per_second = baud / BITS_PER_BYTE
     return Row(
         f"a real line of {baud} baud, 8N1 (computed)",
         "",
-        f"{a_second / status:.0f} force commands per second, each answered: {demand} bytes out, "
-        f"{status} bytes back; a single one takes {1e3 * (demand + status) / a_second:.2f} ms",
+        f"{bytes_per_second / status_bytes:.0f} force commands per second, each answered: "
+        f"{demand_bytes} bytes out, {status_bytes} bytes back; "
+        f"a single one takes {1e3 * (demand_bytes + status_bytes) / bytes_per_second:.2f} ms",
         None,
     )
 
 
 def _measure_memory(compiled: Path, folder: Path) -> Row:
-    sizes = read_sizes(build("nucleo", compiled, folder / "nucleo.elf"))
+    firmware_sizes = read_sizes(build("nucleo", compiled, folder / "nucleo.elf"))
     return Row(
         "firmware for the Nucleo-F446RE",
         "",
-        f"{sizes.flash} bytes of flash, {sizes.ram} bytes of variables (16384 for the "
-        f"recorder), {sizes.stack} reserved for the stack",
+        f"{firmware_sizes.flash} bytes of flash, {firmware_sizes.ram} bytes of variables (16384 for the "
+        f"recorder), {firmware_sizes.stack} reserved for the stack",
         None,
     )
 

@@ -28,7 +28,7 @@ from virtual import FILE
 FOLDER = ROOT / "examples" / "solenoid"
 POSITIONS = (1.25e-3, 2.6e-3)
 
-CHOSEN, PAPER = "auto", "effective-field"
+CHOSEN_LAW, PAPER_LAW = "auto", "effective-field"
 REST_TARGET, MOVING_TARGET, MAX_ERROR_RATIO = 0.6, 1.5, 0.25
 """Targets: error at rest and in motion, % of F_max, and ratio to the error of the best curve."""
 
@@ -47,85 +47,89 @@ def _loops_module() -> ModuleType:
 
 def write_rig(folder: Path, name: str, law: str) -> Path:
     """Write the example's rig with another iron and its loops; return the path of the rig file."""
-    rig, solenoid = ((FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml"))
-    path = tomllib.loads(solenoid)["iron"]
+    rig_text, solenoid_text = (
+        (FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml")
+    )
+    iron_table = tomllib.loads(solenoid_text)["iron"]
     iron = tomllib.loads(FILE.read_text(encoding="utf-8"))[name]
-    iron |= {key: path[key] for key in ("length_m", "area_m2")}
+    iron |= {key: iron_table[key] for key in ("length_m", "area_m2")}
     lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in iron.items())
-    circuit = solenoid[solenoid.index("[circuit]") :]
+    circuit = solenoid_text[solenoid_text.index("[circuit]") :]
     (folder / "solenoid.toml").write_text(f"[iron]\n{lines}\n{circuit}", encoding="utf-8")
-    rig = re.sub(r"gaps_m = .*", f"gaps_m = {list(POSITIONS)}", rig)
-    place = folder / "rig.toml"
-    place.write_text(rig.replace("[loops]", f'[loops]\nlaw = "{law}"'), encoding="utf-8")
-    for file, text in _loops_module().files(place).items():
+    rig_text = re.sub(r"gaps_m = .*", f"gaps_m = {list(POSITIONS)}", rig_text)
+    rig_path = folder / "rig.toml"
+    rig_path.write_text(rig_text.replace("[loops]", f'[loops]\nlaw = "{law}"'), encoding="utf-8")
+    for file, text in _loops_module().files(rig_path).items():
         (folder / file).write_text(text, encoding="utf-8")
     gaps = read_loops(folder / "loops.csv").by_schedule().values()
     smallest_force = min(max(float(loop.output.max()) for loop in loops) for loops in gaps)
     largest = min(40.0, 5.0 * (DEMAND_FRACTION * smallest_force // 5.0))
-    text = place.read_text(encoding="utf-8")
-    place.write_text(re.sub(r"force_max_N = [\d.]+", f"force_max_N = {largest}", text), "utf-8")
-    return place
+    text = rig_path.read_text(encoding="utf-8")
+    rig_path.write_text(re.sub(r"force_max_N = [\d.]+", f"force_max_N = {largest}", text), "utf-8")
+    return rig_path
 
 
-def run(rig: Path) -> dict[str, Any]:
+def run_test_cases(rig: Path) -> dict[str, Any]:
     """Run all test cases of a rig and return their metrics."""
-    with tempfile.TemporaryDirectory() as place:
-        return force_control(rig, Path(place) / "run").figures
+    with tempfile.TemporaryDirectory() as folder_name:
+        return force_control(rig, Path(folder_name) / "run").figures
 
 
 def errors_by_law_text(summaries: dict[str, dict[str, Any]], stage: str) -> str:
     """Format the errors of each law and of the single-valued curves for a test stage."""
-    parts = [f"{law} {summary[stage]['full']['worst_percent']:.2f} %" for law, summary in summaries.items()]
-    plain = summaries[CHOSEN][stage]
-    parts += [f"{name} {plain[name]['worst_percent']:.2f} %" for name in ("single", "ratio")]
-    return ", ".join(parts)
+    error_texts = [
+        f"{law} {law_summary[stage]['full']['worst_percent']:.2f} %" for law, law_summary in summaries.items()
+    ]
+    chosen_summary = summaries[CHOSEN_LAW][stage]
+    error_texts += [f"{name} {chosen_summary[name]['worst_percent']:.2f} %" for name in ("single", "ratio")]
+    return ", ".join(error_texts)
 
 
-def make_solenoid_rows(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
+def make_solenoid_rows(solenoid_title: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
     """Return the rows of one solenoid for each law, at rest and in motion."""
-    own = summaries[CHOSEN]
+    chosen_summary = summaries[CHOSEN_LAW]
     result_rows = []
     for title, stages, max_error in (
         ("at rest", ("end", "end_demagnetised", "positions"), REST_TARGET),
         ("armature moving", ("moving",), MOVING_TARGET),
     ):
-        worst = max(own[stage]["full"]["worst_percent"] for stage in stages)
-        part = max(own[stage]["full"]["of_single"] for stage in stages)
+        worst = max(chosen_summary[stage]["full"]["worst_percent"] for stage in stages)
+        curve_ratio = max(chosen_summary[stage]["full"]["of_single"] for stage in stages)
         law_text = "; ".join(f"{stage}: {errors_by_law_text(summaries, stage)}" for stage in stages)
         result_rows.append(
             Row(
-                f"force control, {what}, {title}: worst force error of full",
+                f"force control, {solenoid_title}, {title}: worst force error of full",
                 f"<= {max_error:g} % of F_max and {MAX_ERROR_RATIO:g} times the best single-valued",
-                f"{worst:.2f} %, {part:.2f} times; {law_text}",
-                worst <= max_error and part <= MAX_ERROR_RATIO,
+                f"{worst:.2f} %, {curve_ratio:.2f} times; {law_text}",
+                worst <= max_error and curve_ratio <= MAX_ERROR_RATIO,
             )
         )
     return result_rows
 
 
-def measure(name: str) -> list[Row]:
+def measure_iron(name: str) -> list[Row]:
     """Measure one iron with two laws."""
     summaries = {}
-    for law in (CHOSEN, PAPER):
-        with tempfile.TemporaryDirectory() as place:
-            summaries[law] = run(write_rig(Path(place), name, law))["summary"]
+    for law in (CHOSEN_LAW, PAPER_LAW):
+        with tempfile.TemporaryDirectory() as folder_name:
+            summaries[law] = run_test_cases(write_rig(Path(folder_name), name, law))["summary"]
     return make_solenoid_rows(f"iron {name}", summaries)
 
 
 def measure_bundled() -> list[Row]:
     """Measure the solenoid of the example with two laws, at all its positions."""
     summaries = {}
-    for law in (CHOSEN, PAPER):
-        with tempfile.TemporaryDirectory() as place:
-            shutil.copytree(FOLDER, place, dirs_exist_ok=True)
-            rig = Path(place) / "rig.toml"
+    for law in (CHOSEN_LAW, PAPER_LAW):
+        with tempfile.TemporaryDirectory() as folder_name:
+            shutil.copytree(FOLDER, folder_name, dirs_exist_ok=True)
+            rig = Path(folder_name) / "rig.toml"
             text = rig.read_text(encoding="utf-8").replace("[loops]", f'[loops]\nlaw = "{law}"')
             rig.write_text(text, encoding="utf-8")
-            summaries[law] = run(rig)["summary"]
+            summaries[law] = run_test_cases(rig)["summary"]
     return make_solenoid_rows("iron of cells", summaries)
 
 
-def names() -> list[str]:
+def list_iron_names() -> list[str]:
     """Return the names of the irons of other families."""
     return list(tomllib.loads(FILE.read_text(encoding="utf-8")))
 
@@ -133,19 +137,19 @@ def names() -> list[str]:
 def rows() -> list[Row]:
     """Return all rows: the example and six other irons."""
     watch = Stopwatch()
-    found = measure_bundled()
-    for name in names():
-        found += measure(name)
+    result_rows = measure_bundled()
+    for name in list_iron_names():
+        result_rows += measure_iron(name)
     return [
-        *found,
+        *result_rows,
         Row("force control, all solenoids: computing time", "minutes", str(watch), None, watch.processor),
     ]
 
 
-def main(chosen: Sequence[str]) -> None:
+def main(iron_names: Sequence[str]) -> None:
     """Print the rows of the named irons, or of all irons."""
-    for name in chosen or ["cells", *names()]:
-        for row in measure_bundled() if name == "cells" else measure(name):
+    for name in iron_names or ["cells", *list_iron_names()]:
+        for row in measure_bundled() if name == "cells" else measure_iron(name):
             print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
 
 

@@ -36,7 +36,7 @@ from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains
 from rows import ROOT, Row
-from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
+from solid_magnets import FIRST_RINGED_MAGNET, MAGNET_COUNT, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron
 
 TICKS_PER_SECOND, CYCLES, FORCE_BAND = 20_000.0, 4, (0.1, 0.5)
@@ -62,39 +62,47 @@ class MagnetResult:
     """Mean and worst deviation of one magnet, % of the largest force, without and with layers."""
 
     number: int
-    at_rest: dict[str, tuple[float, float]]
-    layers: dict[str, tuple[float, float]]
-    slow: float  # ratio of the rms error of the slow loops with layers to that without
+    static_deviations: dict[str, tuple[float, float]]
+    layer_deviations: dict[str, tuple[float, float]]
+    slow_rms_ratio: float  # ratio of the rms error of the slow loops with layers to that without
     seconds: float
-    chosen: str
-    force: tuple[float, float]  # worst open-loop error, % of F_max: with layers, static
+    chosen_model: str
+    open_loop_errors: tuple[float, float]  # worst open-loop error, % of F_max: with layers, static
 
 
 def evaluate_magnet(number: int) -> MagnetResult:
     """Identify a magnet and evaluate both models on records that were not fitted."""
     magnet = solid_magnet(number)
-    loops = magnet.measured()
-    speeds = group_by_speed(loops)
-    assert speeds is not None
-    began = time.process_time()
+    loops = magnet.measure_loops()
+    speed_groups = group_by_speed(loops)
+    assert speed_groups is not None
+    start_time = time.process_time()
     model = identify(loops).model
-    identify_seconds = time.process_time() - began
-    static_model = identify(speeds.slow).model
+    identify_seconds = time.process_time() - start_time
+    static_model = identify(speed_groups.slow).model
     largest = max(float(np.max(loop.output)) for loop in loops.loops)
     middle_gap = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
     records = {f"{rate:g} Hz": magnet.cycle(rate, middle_gap) for rate in (1.0, 20.0, 100.0)}
     records["random"] = magnet.random_record((magnet.gaps[0], magnet.gaps[-1]))
-    at_rest, layers = (
+    static_deviations, layer_deviations = (
         {name: _deviations(candidate_model, loop, largest) for name, loop in records.items()}
         for candidate_model in (static_model, model)
     )
     assert model.fit is not None
     assert static_model.fit is not None
     with_layers = [loop.rms for loop in model.fit.loops if loop.label.startswith(f"{SPEEDS[0]:g} ")]
-    slow = float(np.sqrt(np.mean(np.square(with_layers))) / static_model.fit.rms)
-    chosen = f"{model.law}, {model.gap_map}, layers {model.layers}"
-    force = open_loop(magnet, model, middle_gap), open_loop(magnet, model.at_rest, middle_gap)
-    return MagnetResult(number, at_rest, layers, slow, identify_seconds, chosen, force)
+    slow_rms_ratio = float(np.sqrt(np.mean(np.square(with_layers))) / static_model.fit.rms)
+    chosen_model = f"{model.law}, {model.gap_map}, layers {model.layers}"
+    open_loop_errors = open_loop(magnet, model, middle_gap), open_loop(magnet, model.at_rest, middle_gap)
+    return MagnetResult(
+        number,
+        static_deviations,
+        layer_deviations,
+        slow_rms_ratio,
+        identify_seconds,
+        chosen_model,
+        open_loop_errors,
+    )
 
 
 def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = "f32") -> float:
@@ -104,11 +112,15 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = 
     """
     model = model if model.has_layers else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", io, TICKS_PER_SECOND), 0)
-    static_force = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
+    static_force = float(
+        model.at_rest.predict([0.0, magnet.largest_current], gap, history="demagnetised").output[-1]
+    )
     ticks = round(TICKS_PER_SECOND / SPEEDS[-1])
-    place = np.arange(CYCLES * ticks) / ticks
-    part = FORCE_BAND[0] + (FORCE_BAND[1] - FORCE_BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))
-    demand = static_force * part * np.minimum(2.0 * place, 1.0)
+    cycle_time = np.arange(CYCLES * ticks) / ticks
+    force_fraction = FORCE_BAND[0] + (FORCE_BAND[1] - FORCE_BAND[0]) * (
+        1.0 - np.abs(2.0 * (cycle_time % 1.0) - 1.0)
+    )
+    demand = static_force * force_fraction * np.minimum(2.0 * cycle_time, 1.0)
     current = make_twin(plan.block, io).run(demand, np.full(demand.size, gap))
     force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS_PER_SECOND)
     errors = np.abs(force - demand)[-ticks:]
@@ -137,35 +149,35 @@ def run_on_stage(iron: str) -> dict[MethodName, Measures]:
         },
     )
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
-    scan, found = rig.settings.scan, {}
+    scan, errors_by_method = rig.settings.scan, {}
     train, test = (
         scan_motion(scan, accelerations) for accelerations in (scan.train_m_per_s2, scan.test_m_per_s2)
     )
     for name in STAGE_METHODS:
         setup = make_stage(rig, magnet, name)
-        found[name] = measure(track(setup, test, find_gains(setup, train), 1), test, scan.slit_s)
-    return found
+        errors_by_method[name] = measure(track(setup, test, find_gains(setup, train), 1), test, scan.slit_s)
+    return errors_by_method
 
 
 def stage_rows() -> list[Row]:
     """Return the rows of the benefit of the layer model on a stage."""
     rows = []
     for iron in STAGE_IRONS:
-        found = run_on_stage(iron)
+        stage_errors = run_on_stage(iron)
         for title, name, factor, unit in (
             ("moving average", "average_m", 1e9, "nm"),
             ("peak", "peak_m", 1e9, "nm"),
             ("force, rms", "force_rms_N", 1.0, "N"),
         ):
-            value = {method: factor * getattr(measures, name) for method, measures in found.items()}
-            share = value["full"] / value["at-rest"]
-            values_text = ", ".join(f"{method} {metric_value:.3g}" for method, metric_value in value.items())
+            value = {method: factor * getattr(measures, name) for method, measures in stage_errors.items()}
+            benefit_ratio = value["full"] / value["at-rest"]
+            values_text = ", ".join(f"{method} {method_value:.3g}" for method, method_value in value.items())
             rows.append(
                 Row(
                     f"stage on solid iron, {iron}: {title}",
                     "<= 1/3 times at-rest",
-                    f"{share:.2g}; {values_text} {unit}",
-                    share <= 1.0 / 3.0,
+                    f"{benefit_ratio:.2g}; {values_text} {unit}",
+                    benefit_ratio <= 1.0 / 3.0,
                 )
             )
     return rows
@@ -194,12 +206,12 @@ def bearing_rows() -> list[Row]:
     """Return the rows of the benefit of the layer model on a bearing."""
     rows = []
     for depth, path in SOLID_BEARING_PARTS:
-        found = run_on_bearing(depth, path)
-        force = {name: cell.interval("force_error_rms_N").mean for name, cell in found.items()}
+        bearing_results = run_on_bearing(depth, path)
+        force = {name: cell.interval("force_error_rms_N").mean for name, cell in bearing_results.items()}
         values_text = "; ".join(
             f"{name} {force[name]:.3g} N, {cell.interval('overshoot_percent').mean:.2g} %, "
             f"{1e9 * cell.interval('standstill_rms_m').mean:.3g} nm"
-            for name, cell in found.items()
+            for name, cell in bearing_results.items()
         )
         rows.append(
             Row(
@@ -215,7 +227,7 @@ def bearing_rows() -> list[Row]:
 
 def rows() -> list[Row]:
     """Evaluate all magnets; inspected and uninspected magnets have separate rows."""
-    results = [evaluate_magnet(number) for number in range(COUNT)]
+    results = [evaluate_magnet(number) for number in range(MAGNET_COUNT)]
     lines = []
     for title, is_odd in (("looked at", 0), ("not looked at", 1)):
         group = [result for result in results if result.number % 2 == is_odd]
@@ -225,13 +237,14 @@ def rows() -> list[Row]:
                     f"solid iron, {name}, magnets {title}: mean / worst, % of F_max",
                     f"<= {mean:g} / {worst:g}",
                     "; ".join(
-                        f"{result.layers[name][0]:.2f} / {result.layers[name][1]:.2f} "
-                        f"(at rest {result.at_rest[name][0]:.2f} / {result.at_rest[name][1]:.2f}"
-                        f"{', rings' if result.number >= RINGS_FROM else ''})"
+                        f"{result.layer_deviations[name][0]:.2f} / {result.layer_deviations[name][1]:.2f} "
+                        f"(at rest {result.static_deviations[name][0]:.2f} / {result.static_deviations[name][1]:.2f}"
+                        f"{', rings' if result.number >= FIRST_RINGED_MAGNET else ''})"
                         for result in group
                     ),
                     all(
-                        result.layers[name][0] <= mean and result.layers[name][1] <= worst for result in group
+                        result.layer_deviations[name][0] <= mean and result.layer_deviations[name][1] <= worst
+                        for result in group
                     ),
                 )
             )
@@ -239,12 +252,12 @@ def rows() -> list[Row]:
             Row(
                 f"slow loops, ratio of rms errors with layers / static, magnets {title}",
                 "<= 1.2",
-                "; ".join(f"{result.slow:.2f} ({result.chosen})" for result in group),
-                all(result.slow <= 1.2 for result in group),
+                "; ".join(f"{result.slow_rms_ratio:.2f} ({result.chosen_model})" for result in group),
+                all(result.slow_rms_ratio <= 1.2 for result in group),
             )
         )
     for title, is_odd in (("looked at", 0), ("not looked at", 1)):
-        pairs = [result.force for result in results if result.number % 2 == is_odd]
+        pairs = [result.open_loop_errors for result in results if result.number % 2 == is_odd]
         lines.append(
             Row(
                 f"50 Hz force triangle, ratio of errors with layers / static, compiled, magnets {title}",
@@ -255,9 +268,13 @@ def rows() -> list[Row]:
                 all(layers_error <= 0.2 * static_error for layers_error, static_error in pairs),
             )
         )
-    most = max(result.seconds for result in results)
-    choice_text = f"median {np.median([result.seconds for result in results]):.1f} s, worst {most:.1f} s"
-    lines.append(Row("identify, nine records", "<= 10 s", choice_text, most <= 10.0, most))
+    largest_seconds = max(result.seconds for result in results)
+    choice_text = (
+        f"median {np.median([result.seconds for result in results]):.1f} s, worst {largest_seconds:.1f} s"
+    )
+    lines.append(
+        Row("identify, nine records", "<= 10 s", choice_text, largest_seconds <= 10.0, largest_seconds)
+    )
     return lines + stage_rows() + bearing_rows()
 
 
@@ -268,17 +285,17 @@ def draw(path: Path, magnet: SolidMagnet) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    model = identify(magnet.measured()).model
+    model = identify(magnet.measure_loops()).model
     gap = magnet.gaps[0]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained")
+    figure, (loop_axes, layer_axes) = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained")
     for rate, colour in zip((0.5, 20.0, 100.0), ("0.6", "tab:blue", "tab:red"), strict=True):
         loop = magnet.cycle(rate, gap)
-        made = model.predict(loop.input, gap, loop.time, "settled").output
-        left.plot(loop.input, loop.output, color=colour, lw=2.5, alpha=0.5, label=f"{rate:g} Hz")
-        left.plot(loop.input, made, color=colour, lw=1.0)
-    left.set(xlabel="current, A", ylabel="force, N")
-    left.legend(title="wide: magnet, thin: model")
-    _draw_layers(right, model, magnet.cycle(50.0, gap), gap)
+        predicted_force = model.predict(loop.input, gap, loop.time, "settled").output
+        loop_axes.plot(loop.input, loop.output, color=colour, lw=2.5, alpha=0.5, label=f"{rate:g} Hz")
+        loop_axes.plot(loop.input, predicted_force, color=colour, lw=1.0)
+    loop_axes.set(xlabel="current, A", ylabel="force, N")
+    loop_axes.legend(title="wide: magnet, thin: model")
+    _draw_layers(layer_axes, model, magnet.cycle(50.0, gap), gap)
     figure.savefig(path, dpi=110)
 
 

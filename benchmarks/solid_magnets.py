@@ -23,20 +23,20 @@ from drawn_families import draw_iron
 from drawn_irons import PlantIron
 
 SEED = 20261124
-COUNT = 8
-RINGS_FROM = 6
+MAGNET_COUNT = 8
+FIRST_RINGED_MAGNET = 6
 FAMILIES = ("preisach", "duhem", "cells")
 
 SPEEDS = (0.5, 5.0, 50.0)  # Hz
 GAPS = 3
-SAMPLES = 400  # samples per cycle
-CYCLES = 3  # the last one is recorded
+SAMPLES_PER_CYCLE = 400  # samples per cycle
+CYCLE_COUNT = 3  # the last one is recorded
 CELLS = 12
 NOISE = 3e-4  # force noise, relative to the largest force
 SPEED_NOISE = 1e-4  # current noise, relative to the largest current
 
-_ROUNDS = 60
-_CLOSE = 1e-9
+_NEWTON_STEPS = 60
+_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class SolidMagnet:
     diffusion: float  # flux-density rate per field difference over the slab's depth, (T/s)/(A/m)
     rings: tuple[float, float, float]  # conductances, 1/ohm, and inductance of the second ring, H
     turns: float
-    top: float  # current of the largest force, A
+    largest_current: float  # current of the largest force, A
     gaps: tuple[float, ...]  # m
 
     def gap_reluctance(self, gap: float) -> float:
@@ -64,24 +64,34 @@ class SolidMagnet:
 
     def run(self, current: FloatArray, gap: FloatArray, time: FloatArray) -> FloatArray:
         """Return the force over a record, N, starting demagnetised."""
-        step = _make_slab_magnet(self) if self.number < RINGS_FROM else _make_ringed_magnet(self)
+        step = _make_slab_magnet(self) if self.number < FIRST_RINGED_MAGNET else _make_ringed_magnet(self)
         density = np.empty(current.size)
-        before = time[0] - (time[1] - time[0])
-        for place, (amperes, at, now) in enumerate(zip(current, gap, time, strict=True)):
-            density[place] = step(self.turns * amperes, self.gap_reluctance(at), now - before)
-            before = now
+        previous_time = time[0] - (time[1] - time[0])
+        for index, (sample_current, sample_gap, sample_time) in enumerate(
+            zip(current, gap, time, strict=True)
+        ):
+            density[index] = step(
+                self.turns * sample_current, self.gap_reluctance(sample_gap), sample_time - previous_time
+            )
+            previous_time = sample_time
         return self.force(density)
 
     def cycle(self, rate: float, gap: float, low: float = 0.0, high: float = 1.0) -> Loop:
-        """Return the last of several triangles between fractions of `top`, without noise."""
-        current_cycle = self.top * (low + (high - low) * _triangle(SAMPLES))
-        current = np.tile(current_cycle, CYCLES)
-        time = np.arange(current.size) / (SAMPLES * rate)
+        """Return the last of several triangles between fractions of the largest current, without noise."""
+        current_cycle = self.largest_current * (low + (high - low) * _triangle(SAMPLES_PER_CYCLE))
+        current = np.tile(current_cycle, CYCLE_COUNT)
+        time = np.arange(current.size) / (SAMPLES_PER_CYCLE * rate)
         force = self.run(current, np.full(current.size, gap), time)
         label = f"{rate:g} Hz, {low:g} to {high:g}"
-        return Loop(label, current_cycle, force[-SAMPLES:], np.full(SAMPLES, gap), time[:SAMPLES])
+        return Loop(
+            label,
+            current_cycle,
+            force[-SAMPLES_PER_CYCLE:],
+            np.full(SAMPLES_PER_CYCLE, gap),
+            time[:SAMPLES_PER_CYCLE],
+        )
 
-    def measured(self) -> Loops:
+    def measure_loops(self) -> Loops:
         """Return the loops for identification: a full triangle at each rate and gap, with noise."""
         rng = np.random.default_rng([SEED, self.number, 1])
         noise_free_loops = [self.cycle(rate, gap) for gap in self.gaps for rate in SPEEDS]
@@ -92,7 +102,7 @@ class SolidMagnet:
             loops.append(
                 Loop(
                     loop.label,
-                    loop.input + SPEED_NOISE * self.top * noise[0],
+                    loop.input + SPEED_NOISE * self.largest_current * noise[0],
                     loop.output + NOISE * span * noise[1],
                     loop.schedule,
                     loop.time,
@@ -103,15 +113,15 @@ class SolidMagnet:
     def random_record(self, gaps: tuple[float, float], samples: int = 3000) -> Loop:
         """Return a record of ramps between random currents at random rates while the gap moves."""
         rng = np.random.default_rng([SEED, self.number, 2])
-        ends, time = [0.0], [0.0]
+        reversal_currents, time = [0.0], [0.0]
         for _ in range(20):
-            ends.append(float(self.top * rng.random()))
-            speed = self.top * 2.0 * 50.0 ** rng.random()  # A/s: triangles of 1 to 50 Hz
-            time.append(time[-1] + max(1e-3, abs(ends[-1] - ends[-2]) / speed))
+            reversal_currents.append(float(self.largest_current * rng.random()))
+            speed = self.largest_current * 2.0 * 50.0 ** rng.random()  # A/s: triangles of 1 to 50 Hz
+            time.append(time[-1] + max(1e-3, abs(reversal_currents[-1] - reversal_currents[-2]) / speed))
         clock = np.linspace(0.0, time[-1], samples)
-        turn = 2.0 * np.pi * 3.0 * clock / clock[-1]
-        gap = gaps[0] + (gaps[1] - gaps[0]) * (0.5 - 0.5 * np.cos(turn))
-        current = np.interp(clock, time, ends)
+        gap_phase = 2.0 * np.pi * 3.0 * clock / clock[-1]
+        gap = gaps[0] + (gaps[1] - gaps[0]) * (0.5 - 0.5 * np.cos(gap_phase))
+        current = np.interp(clock, time, reversal_currents)
         return Loop("random", current, self.run(current, gap, clock), gap, clock)
 
 
@@ -126,17 +136,24 @@ _Step = Callable[[float, float, float], float]
 def _make_ringed_magnet(magnet: SolidMagnet) -> _Step:
     iron = Piece(magnet.armature)
     length, area = magnet.lengths[0], magnet.areas[0]
-    first, second, inductance = magnet.rings
-    behind = 0.0  # current of the ring with leakage, A
+    first_ring, leaky_ring, inductance = magnet.rings
+    leaky_ring_current = 0.0  # current of the ring with leakage, A
 
-    def step(driven: float, outside: float, seconds: float) -> float:
-        nonlocal behind
-        before = iron.density
-        lead = inductance / seconds * second
-        both = (first + second / (1.0 + lead)) / seconds
-        kept = behind * lead / (1.0 + lead)
-        iron.solve(length, area * (outside + both), driven - kept + area * both * before)
-        behind = kept + second / (1.0 + lead) * area * (iron.density - before) / seconds
+    def step(excitation: float, outer_reluctance: float, seconds: float) -> float:
+        nonlocal leaky_ring_current
+        previous_density = iron.density
+        ring_inertia = inductance / seconds * leaky_ring
+        ring_conductance = (first_ring + leaky_ring / (1.0 + ring_inertia)) / seconds
+        kept_current = leaky_ring_current * ring_inertia / (1.0 + ring_inertia)
+        iron.solve(
+            length,
+            area * (outer_reluctance + ring_conductance),
+            excitation - kept_current + area * ring_conductance * previous_density,
+        )
+        leaky_ring_current = (
+            kept_current
+            + leaky_ring / (1.0 + ring_inertia) * area * (iron.density - previous_density) / seconds
+        )
         return iron.density
 
     return step
@@ -146,53 +163,62 @@ def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
     width = np.geomspace(1.0, 6.0, CELLS)
     width /= width.sum()
     # Conductances at the outer face of each cell, from the surface; zero at the symmetry plane.
-    apart = np.concatenate([[0.5 * width[0]], 0.5 * (width[1:] + width[:-1])])
-    outer = np.append(magnet.diffusion / apart, 0.0)
+    cell_distances = np.concatenate([[0.5 * width[0]], 0.5 * (width[1:] + width[:-1])])
+    face_conductances = np.append(magnet.diffusion / cell_distances, 0.0)
     cells = [Piece(magnet.armature) for _ in range(CELLS)]
     yoke = Piece(magnet.yoke)
-    (solid, sheets), (area, area_yoke) = magnet.lengths, magnet.areas
-    size = CELLS + 2
+    (armature_length, yoke_length), (area, area_yoke) = magnet.lengths, magnet.areas
+    unknown_count = CELLS + 2
 
-    def step(driven: float, outside: float, seconds: float) -> float:
-        before = np.array([cell.density for cell in cells])
+    def step(excitation: float, outer_reluctance: float, seconds: float) -> float:
+        previous_densities = np.array([cell.density for cell in cells])
         fields = np.concatenate([[yoke.field, cells[0].field], [cell.field for cell in cells]])
-        fields[1] = (driven - sheets * fields[0] - outside * area * (width @ before)) / solid
+        fields[1] = (
+            excitation - yoke_length * fields[0] - outer_reluctance * area * (width @ previous_densities)
+        ) / armature_length
 
-        def left(at: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-            pairs = [cell.flux_density(float(h)) for cell, h in zip(cells, at[2:], strict=True)]
+        def find_residuals(trial_fields: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+            pairs = [cell.flux_density(float(h)) for cell, h in zip(cells, trial_fields[2:], strict=True)]
             density, slope = np.array(pairs).T
-            in_yoke, slope_yoke = yoke.flux_density(float(at[0]))
+            yoke_density, yoke_slope = yoke.flux_density(float(trial_fields[0]))
             flux = area * float(width @ density)
-            inflow = outer[:-1] * (at[1:-1] - at[2:])
-            value = np.empty(size)
-            value[0] = (area_yoke * in_yoke - flux) / area
-            value[1] = (solid * at[1] + sheets * at[0] + outside * flux - driven) / solid
-            value[2:] = width * (density - before) - seconds * (inflow - np.append(inflow[1:], 0.0))
-            slopes = np.zeros((size, size))
-            slopes[0, 0] = area_yoke * slope_yoke / area
+            inflow = face_conductances[:-1] * (trial_fields[1:-1] - trial_fields[2:])
+            trial_residuals = np.empty(unknown_count)
+            trial_residuals[0] = (area_yoke * yoke_density - flux) / area
+            trial_residuals[1] = (
+                armature_length * trial_fields[1]
+                + yoke_length * trial_fields[0]
+                + outer_reluctance * flux
+                - excitation
+            ) / armature_length
+            trial_residuals[2:] = width * (density - previous_densities) - seconds * (
+                inflow - np.append(inflow[1:], 0.0)
+            )
+            slopes = np.zeros((unknown_count, unknown_count))
+            slopes[0, 0] = area_yoke * yoke_slope / area
             slopes[0, 2:] = -width * slope
-            slopes[1, :2] = sheets / solid, 1.0
-            slopes[1, 2:] = outside * area * width * slope / solid
-            rows = np.arange(2, size)
-            slopes[rows, rows] = width * slope + seconds * (outer[:-1] + outer[1:])
-            slopes[rows, rows - 1] = -seconds * outer[:-1]
-            slopes[rows[:-1], rows[1:]] = -seconds * outer[1:-1]
-            return value, slopes, flux / area
+            slopes[1, :2] = yoke_length / armature_length, 1.0
+            slopes[1, 2:] = outer_reluctance * area * width * slope / armature_length
+            rows = np.arange(2, unknown_count)
+            slopes[rows, rows] = width * slope + seconds * (face_conductances[:-1] + face_conductances[1:])
+            slopes[rows, rows - 1] = -seconds * face_conductances[:-1]
+            slopes[rows[:-1], rows[1:]] = -seconds * face_conductances[1:-1]
+            return trial_residuals, slopes, flux / area
 
-        scale = np.concatenate([[1.0, driven / solid + 1.0], width])
-        value, slopes, flux = left(fields)
-        for _ in range(_ROUNDS):
-            worst = float(np.max(np.abs(value / scale)))
-            if worst <= _CLOSE:
+        scale = np.concatenate([[1.0, excitation / armature_length + 1.0], width])
+        residuals, slopes, flux = find_residuals(fields)
+        for _ in range(_NEWTON_STEPS):
+            largest_residual = float(np.max(np.abs(residuals / scale)))
+            if largest_residual <= _TOLERANCE:
                 break
-            way, part = np.linalg.solve(slopes, -value), 1.0
+            newton_step, step_fraction = np.linalg.solve(slopes, -residuals), 1.0
             for _ in range(12):
-                trial = left(fields + part * way)
-                if float(np.max(np.abs(trial[0] / scale))) < worst:
+                trial = find_residuals(fields + step_fraction * newton_step)
+                if float(np.max(np.abs(trial[0] / scale))) < largest_residual:
                     break
-                part *= 0.5
-            fields = fields + part * way
-            value, slopes, flux = trial
+                step_fraction *= 0.5
+            fields = fields + step_fraction * newton_step
+            residuals, slopes, flux = trial
         yoke.commit(float(fields[0]))
         for cell, field in zip(cells, fields[2:], strict=True):
             cell.commit(float(field))
@@ -202,40 +228,44 @@ def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
 
 
 def solid_magnet(number: int) -> SolidMagnet:
-    """Sample a magnet by its number, 0 to :data:`COUNT` - 1."""
+    """Sample a magnet by its number, 0 to :data:`MAGNET_COUNT` - 1."""
     rng = np.random.default_rng([SEED, number])
 
-    def log(low: float, high: float) -> float:
+    def sample_log(low: float, high: float) -> float:
         return float(low * (high / low) ** rng.random())
 
     irons = []
     for family in (FAMILIES[number // 2 % 3], FAMILIES[(number // 2 + 1) % 3]):
-        iron, true = draw_iron(family, rng)
+        iron, true_iron = draw_iron(family, rng)
         assert isinstance(iron, PlantIron)
-        irons.append((iron.steel, true))
-    (armature, true), (yoke, _) = irons
-    knee, saturated = true["knee_sharp"], true["saturation_sharp"]
-    width = log(0.01, 0.05)
+        irons.append((iron.steel, true_iron))
+    (armature, true_iron), (yoke, _) = irons
+    knee, saturated = true_iron["knee_sharp"], true_iron["saturation_sharp"]
+    width = sample_log(0.01, 0.05)
     area = width**2
-    lengths = 3.0 * width * log(0.7, 1.5), 4.0 * width * log(0.7, 1.5)
-    field = knee * log(1.0, 3.0)
+    lengths = 3.0 * width * sample_log(0.7, 1.5), 4.0 * width * sample_log(0.7, 1.5)
+    field = knee * sample_log(1.0, 3.0)
     density = saturated * field / (field + knee)
-    least = width * log(0.004, 0.02)
-    gaps = least * np.array([1.0, 1.8, 3.0])
-    driven = sum(lengths) * field + 2.0 * gaps[0] / MU_0 * density
-    turns = float(round(log(50.0, 800.0)))
-    corner = log(10.0, 60.0)
-    share = log(0.03, 0.15) * driven / (2.0 * np.pi * corner * area * density)
-    first = float(rng.uniform(0.2, 0.6)) * share
+    smallest_gap = width * sample_log(0.004, 0.02)
+    gaps = smallest_gap * np.array([1.0, 1.8, 3.0])
+    excitation = sum(lengths) * field + 2.0 * gaps[0] / MU_0 * density
+    turns = float(round(sample_log(50.0, 800.0)))
+    corner_frequency = sample_log(10.0, 60.0)
+    ring_conductance = sample_log(0.03, 0.15) * excitation / (2.0 * np.pi * corner_frequency * area * density)
+    first_ring = float(rng.uniform(0.2, 0.6)) * ring_conductance
     return SolidMagnet(
         number,
         armature,
         yoke,
         lengths,
         (area, area * float(rng.uniform(1.0, 1.6))),
-        2.0 * np.pi * corner * (density / field),
-        (first, share - first, float(rng.uniform(0.3, 3.0)) / (2.0 * np.pi * corner * share)),
+        2.0 * np.pi * corner_frequency * (density / field),
+        (
+            first_ring,
+            ring_conductance - first_ring,
+            float(rng.uniform(0.3, 3.0)) / (2.0 * np.pi * corner_frequency * ring_conductance),
+        ),
         turns,
-        driven / turns,
+        excitation / turns,
         tuple(gaps.tolist()),
     )

@@ -25,24 +25,24 @@ KAPPA, REVERSIBILITY, OMEGA = 0.8, 0.2, -0.8
 SAMPLES_A_LOOP = 200
 
 
-def best_ns(work: Callable[[], object], items: int) -> float:
+def best_ns(function: Callable[[], object], items: int) -> float:
     """Return the processor time of one item, ns, as the shortest of several repetitions."""
     times = []
     for _ in range(REPETITIONS):
-        began = time.process_time_ns()
-        work()
-        times.append((time.process_time_ns() - began) / items)
+        start_time = time.process_time_ns()
+        function()
+        times.append((time.process_time_ns() - start_time) / items)
     return min(times)
 
 
-def _drive(samples: int) -> Array:
+def _drive_samples(samples: int) -> Array:
     return np.asarray(4.0 * np.sin(2.0 * np.pi * np.arange(samples) / SAMPLES_A_LOOP))
 
 
 def measure_scalar_step() -> Row:
     """Measure one forward step of the implicit law, solved to rounding error."""
     n = 200_000
-    r, omega = _drive(n), np.full(n, OMEGA)
+    r, omega = _drive_samples(n), np.full(n, OMEGA)
     law = Operator(KAPPA, REVERSIBILITY)
     state = demagnetised()
     step_time = best_ns(lambda: law.run(omega, r, state), n)
@@ -66,7 +66,7 @@ def measure_cell_steps() -> list[Row]:
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
     iron = make_iron(discretise_populations((3e4, 50.0), pinned), 0.0)
     jiles_atherton = Iron(4.3e5, 30.0, 25.0, 0.1, 0.0)
-    drive, zero = 1500.0 * _drive(n), np.zeros(n)
+    drive, zero = 1500.0 * _drive_samples(n), np.zeros(n)
     rho = np.full(n, 0.01)
 
     def both(law: AnyIron, states: int) -> tuple[float, float]:
@@ -92,35 +92,39 @@ def measure_cell_steps() -> list[Row]:
     ]
 
 
-def measure_batch_step(level: str) -> list[Row]:
+def measure_batch_step(instruction_set: str) -> list[Row]:
     """Measure a batch step for each set and sample; only the best instruction set has a target."""
-    has_target = level == batch_levels()[-1]
+    has_target = instruction_set == batch_levels()[-1]
     sets, n = 256, SAMPLES_A_LOOP
     rng = np.random.default_rng(0)
     kappa, c = rng.uniform(0.3, 3.0, sets), rng.uniform(0.05, 0.6, sets)
     omega, scale = rng.uniform(-1.5, 5.0, sets), np.ones(sets)
-    offset, drive = np.zeros(sets), _drive(n)
+    offset, drive = np.zeros(sets), _drive_samples(n)
     x, y = np.zeros(sets), np.zeros(sets)
 
     columns = (kappa, c, omega, scale, offset, drive, x, y)
 
     def follow(implicit: bool) -> None:
         for _ in range(10):
-            batch(*columns, implicit=implicit, keep=False, level=level)
+            batch(*columns, implicit=implicit, keep=False, level=instruction_set)
 
     arguments = np.linspace(0.0, 4.0, 2048)
     function_time = best_ns(
-        lambda: [batch_functions(arguments, level) for _ in range(100)], 100 * arguments.size
+        lambda: [batch_functions(arguments, instruction_set) for _ in range(100)], 100 * arguments.size
     )
     rows = []
-    for name, implicit, reach, visits in (("implicit", True, 10.0, 3.0), ("explicit", False, 2.0, 1.0)):
-        step_time = best_ns(lambda: follow(implicit), 10 * sets * n)  # noqa: B023
+    for name, is_implicit, field_range, call_count in (
+        ("implicit", True, 10.0, 3.0),
+        ("explicit", False, 2.0, 1.0),
+    ):
+        step_time = best_ns(lambda: follow(is_implicit), 10 * sets * n)  # noqa: B023
         rows.append(
             Row(
-                f"forward step, {name}, batched, {level}",
-                f"<= {reach:g} ns" if has_target else "reported",
-                f"{step_time:.2f} ns per set; {visits:.0f} Langevin and exp alone {visits * function_time:.2f} ns",
-                step_time <= reach if has_target else None,
+                f"forward step, {name}, batched, {instruction_set}",
+                f"<= {field_range:g} ns" if has_target else "reported",
+                f"{step_time:.2f} ns per set; "
+                f"{call_count:.0f} Langevin and exp alone {call_count * function_time:.2f} ns",
+                step_time <= field_range if has_target else None,
                 1e-9 * step_time,
             )
         )
@@ -132,5 +136,5 @@ def rows() -> list[Row]:
     return [
         measure_scalar_step(),
         *measure_cell_steps(),
-        *(row for level in batch_levels() for row in measure_batch_step(level)),
+        *(row for instruction_set in batch_levels() for row in measure_batch_step(instruction_set)),
     ]

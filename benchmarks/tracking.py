@@ -50,9 +50,9 @@ def without_noise(rig: BodyRig) -> BodyRig:
 
 def list_irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
     """Yield the tested irons; the three irons with targets are first."""
-    own = rig.settings.steel.model_dump()
-    for share in REVERSIBLE:
-        yield f"cells, reversible part {share:g}", own | {"reversible_fraction": share}
+    example_iron = rig.settings.steel.model_dump()
+    for fraction in REVERSIBLE:
+        yield f"cells, reversible part {fraction:g}", example_iron | {"reversible_fraction": fraction}
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     for name in IRON_NAMES:
         yield name, families[name]
@@ -60,11 +60,11 @@ def list_irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
 
 def format_metric(study: TrackingStudy, name: str, factor: float) -> str:
     """Format a metric of all variants with its confidence interval."""
-    parts = []
+    metric_texts = []
     for variant in VARIANTS:
         interval = study.variants[variant].interval(name)
-        parts.append(f"{variant} {factor * interval.mean:.3g} ± {factor * interval.half_width:.2g}")
-    return ", ".join(parts)
+        metric_texts.append(f"{variant} {factor * interval.mean:.3g} ± {factor * interval.half_width:.2g}")
+    return ", ".join(metric_texts)
 
 
 def metric_ratio(study: TrackingStudy, name: str, baseline: MethodName = "single-valued") -> float:
@@ -80,22 +80,23 @@ def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
         ("moving average", "average_m", 1e9, "nm", 0.2),
         ("settling to 50 nm", "settling_50_s", 1e3, "ms", 0.4),
     ):
-        share = metric_ratio(study, name)
-        text = f"{share:.3g}; {format_metric(study, name, factor)} {unit}"
+        peak_ratio = metric_ratio(study, name)
+        text = f"{peak_ratio:.3g}; {format_metric(study, name, factor)} {unit}"
         row = Row(
             f"tracking, {title}: {metric_title}",
             f"<= {target_ratio:g} times single-valued",
             text,
-            share <= target_ratio,
+            peak_ratio <= target_ratio,
         )
         result_rows.append(row)
-    full_interval, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
+    full_interval, play_interval = (study.variants[name].interval("peak_m") for name in ("full", "play"))
     result_rows.append(
         Row(
             f"tracking, {title}: peak, ratio to the map with one play",
             "<= 1, with interval",
-            f"{full_interval.mean / play.mean:.3g}; moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
-            full_interval.mean - full_interval.half_width <= play.mean + play.half_width,
+            f"{full_interval.mean / play_interval.mean:.3g}; "
+            f"moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
+            full_interval.mean - full_interval.half_width <= play_interval.mean + play_interval.half_width,
         )
     )
     return result_rows
@@ -103,30 +104,31 @@ def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
 
 def make_high_crossover_row(title: str, study: TrackingStudy) -> Row:
     """Return the row of one iron at the high crossover."""
-    share = metric_ratio(study, "settling_10_s")
+    settling_ratio = metric_ratio(study, "settling_10_s")
     return Row(
         f"tracking at 300 Hz, {title}: settling to 10 nm",
         "<= 0.5 times single-valued",
-        f"{share:.3g}; {format_metric(study, 'settling_10_s', 1e3)} ms; peak {format_metric(study, 'peak_m', 1e9)} nm",
-        share <= 0.5,
+        f"{settling_ratio:.3g}; {format_metric(study, 'settling_10_s', 1e3)} ms; "
+        f"peak {format_metric(study, 'peak_m', 1e9)} nm",
+        settling_ratio <= 0.5,
     )
 
 
 def make_learning_rows(study: TrackingStudy) -> list[Row]:
     """Return the rows of iterative learning control."""
-    own, plain = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
+    full_peaks, curve_peaks = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
     return [
         Row(
             "learning control on full, eight trials: peak",
             "<= 1/5 of the first trial",
-            f"{own[-1] / own[0]:.3g}; {1e9 * own[0]:.3g} to {1e9 * own[-1]:.3g} nm",
-            5.0 * own[-1] <= own[0],
+            f"{full_peaks[-1] / full_peaks[0]:.3g}; {1e9 * full_peaks[0]:.3g} to {1e9 * full_peaks[-1]:.3g} nm",
+            5.0 * full_peaks[-1] <= full_peaks[0],
         ),
         Row(
             "learning control on single-valued, eight trials: peak",
             "does not converge: last peak above half of the first",
-            f"{plain[-1] / plain[0]:.3g}; {1e9 * plain[0]:.4g} to {1e9 * plain[-1]:.4g} nm",
-            2.0 * plain[-1] > plain[0],
+            f"{curve_peaks[-1] / curve_peaks[0]:.3g}; {1e9 * curve_peaks[0]:.4g} to {1e9 * curve_peaks[-1]:.4g} nm",
+            2.0 * curve_peaks[-1] > curve_peaks[0],
         ),
     ]
 
@@ -137,26 +139,26 @@ def make_format_rows(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStud
     motion = scan_motion(table, table.test_m_per_s2)
     gains = study.variants["full"].gains
 
-    def error(format_: str, substeps: int) -> np.ndarray:
-        other = change_rig(rig, {"timing.substeps": substeps, "control.format": format_})
-        return track(make_stage(other, magnet, "full"), motion, gains, 1)["error_m"]
+    def tracking_error(format_: str, substeps: int) -> np.ndarray:
+        changed_rig = change_rig(rig, {"timing.substeps": substeps, "control.format": format_})
+        return track(make_stage(changed_rig, magnet, "full"), motion, gains, 1)["error_m"]
 
-    own = rig.settings.timing.substeps
-    real = error("f64", own)
-    fixed = float(np.abs(error("fixed", own) - real).max())
-    halved = float(np.abs(error("f64", 2 * own) - real).max())
+    substeps_of_rig = rig.settings.timing.substeps
+    double_error = tracking_error("f64", substeps_of_rig)
+    fixed_difference = float(np.abs(tracking_error("fixed", substeps_of_rig) - double_error).max())
+    substep_difference = float(np.abs(tracking_error("f64", 2 * substeps_of_rig) - double_error).max())
     return [
         Row(
             "fixed point against f64 in the loop, largest difference of the error",
             "<= 10 nm",
-            f"{1e9 * fixed:.3g} nm",
-            fixed <= 10e-9,
+            f"{1e9 * fixed_difference:.3g} nm",
+            fixed_difference <= 10e-9,
         ),
         Row(
             "twice as many sub-steps of the plant, largest difference of the error",
             "<= 2 nm",
-            f"{1e9 * halved:.3g} nm",
-            halved <= 2e-9,
+            f"{1e9 * substep_difference:.3g} nm",
+            substep_difference <= 2e-9,
         ),
     ]
 
@@ -166,16 +168,18 @@ def rows() -> list[Row]:
     rig = read_stage(RIG)
     result_rows: list[Row] = []
     for number, (title, iron) in enumerate(list_irons(rig)):
-        slow = with_iron(rig, iron)
-        magnet = identify_stage_magnet(slow, measure_loops(slow))
-        study = explore_stage(slow, magnet)
+        low_crossover_rig = with_iron(rig, iron)
+        magnet = identify_stage_magnet(low_crossover_rig, measure_loops(low_crossover_rig))
+        study = explore_stage(low_crossover_rig, magnet)
         result_rows += make_iron_rows(title, study)
         if title == CREEPING_IRON:
-            result_rows += make_iron_rows(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
+            result_rows += make_iron_rows(
+                f"{title}, no noise", explore_stage(without_noise(low_crossover_rig), magnet)
+            )
         if number < len(REVERSIBLE):
             result_rows.append(
                 make_high_crossover_row(title, explore_stage(with_iron(rig, iron, 300.0), magnet))
             )
         if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get("reversible_fraction"):
-            result_rows += [*make_format_rows(slow, magnet, study), *make_learning_rows(study)]
+            result_rows += [*make_format_rows(low_crossover_rig, magnet, study), *make_learning_rows(study)]
     return result_rows

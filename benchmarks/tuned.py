@@ -15,7 +15,7 @@ from anhyst_rigs.study.plants import bearing_plants
 from anhyst_rigs.study.tuning.aims import Aims, BearingFigures
 from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst_rigs.study.tuning.search import GainSearch
-from bearing import IRONS, Iron, make_iron, read
+from bearing import IRONS, Iron, make_iron, read_example
 from rows import Row, Stopwatch
 
 AIMS = Aims()
@@ -27,14 +27,14 @@ COMPARED: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "flu
 def tune(iron: Iron, variant: MethodName) -> BearingFigures:
     """Tune one variant for 3 gaps, 4 step heights and 2 loads."""
     loop = BearingLoop(iron.setups[variant], default_conditions(iron.rig))
-    found = GainSearch(loop, AIMS).run().figures
-    assert isinstance(found, BearingFigures)
-    return found
+    tuned_metrics = GainSearch(loop, AIMS).run().figures
+    assert isinstance(tuned_metrics, BearingFigures)
+    return tuned_metrics
 
 
 def rows() -> list[Row]:
     """Return the metrics of ``full`` after tuning for each iron, and the computing times."""
-    rig, controller = read()
+    rig, controller = read_example()
     result_rows = []
     longest_wall, time_text, seconds = 0.0, "", 0.0
     for fraction in IRONS:
@@ -70,7 +70,7 @@ def rows() -> list[Row]:
 
 def main() -> None:
     """Print the table of all variants, each tuned separately."""
-    rig, controller = read()
+    rig, controller = read_example()
     print("| iron | variant | overshoot | settling | peak sensitivity | standstill | aims |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for fraction in IRONS:

@@ -84,14 +84,14 @@ BASELINE_TITLES: Mapping[MethodName, str] = {
 class Deviation:
     """Mean and largest absolute deviation, N."""
 
-    mean: float
-    worst: float
+    mean_deviation: float
+    largest_deviation: float
 
     @classmethod
-    def of(cls, parts: list[Array]) -> Deviation:
+    def of(cls, residuals: list[Array]) -> Deviation:
         """Compute the metrics over all samples of several records."""
-        size = np.abs(np.concatenate(parts))
-        return cls(float(size.mean()), float(size.max()))
+        magnitudes = np.abs(np.concatenate(residuals))
+        return cls(float(magnitudes.mean()), float(magnitudes.max()))
 
 
 def load_magnet() -> ModuleType:
@@ -123,16 +123,16 @@ def unseen_single_valued(truth: Loops) -> Deviation:
 
 def triangle(low: float, high: float, samples: int = 400) -> Array:
     """Return one cycle of a triangular demand, from low to high and back."""
-    up = np.linspace(low, high, samples // 2, endpoint=False)
-    return np.concatenate([up, up[::-1] + (high - low) / (samples // 2)])
+    rising_half = np.linspace(low, high, samples // 2, endpoint=False)
+    return np.concatenate([rising_half, rising_half[::-1] + (high - low) / (samples // 2)])
 
 
 def run_magnet(current: Array, gap: float) -> Array:
     """Return the true force, N, in the fourth cycle of a current minus the sensor's offset."""
     magnet, settings = load_magnet().load()
-    flowing = np.maximum(current - settings["sensors"]["current_offset_A"], 0.0)
+    true_current = np.maximum(current - settings["sensors"]["current_offset_A"], 0.0)
     cycles = settings["drive"]["conditioning_cycles"] + 1
-    force = np.array([magnet.step(i, gap) for i in np.tile(flowing, cycles)])
+    force = np.array([magnet.step(i, gap) for i in np.tile(true_current, cycles)])
     return force[-current.size :]
 
 
@@ -142,14 +142,14 @@ def single_valued_inverse(gap: float) -> tuple[Array, Array]:
     _, settings = module.load()
     largest = settings["drive"]["current_max_A"]
     offset = settings["sensors"]["current_offset_A"]
-    parts = []
+    loop_arrays = []
     for loop in settings["identification"]["loops"]:
         magnet, _ = module.load()
         current, force, _ = module.settled_loop(
             magnet, gap, loop["low"] * largest, loop["high"] * largest, settings
         )
-        parts.append((force, current + offset))
-    force, current = (np.concatenate(column) for column in zip(*parts, strict=True))
+        loop_arrays.append((force, current + offset))
+    force, current = (np.concatenate(arrays) for arrays in zip(*loop_arrays, strict=True))
     order = np.argsort(force, kind="stable")
     return force[order], fit_monotone(current[order], np.ones(order.size))
 
@@ -164,40 +164,50 @@ def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
         that gap, N.
     """
     force, current = single_valued_inverse(DEMAND_GAP_M)
-    largest = float(force[-1])
-    demand = triangle(0.05 * largest, 0.95 * largest)
+    largest_force = float(force[-1])
+    demand = triangle(0.05 * largest_force, 0.95 * largest_force)
     inverse = model.invert(demand, DEMAND_GAP_M, history="settled")
     model_error = run_magnet(inverse.drive, DEMAND_GAP_M) - demand
     curve_error = run_magnet(np.interp(demand, force, current), DEMAND_GAP_M) - demand
-    return Deviation.of([model_error]), Deviation.of([curve_error]), largest
+    return Deviation.of([model_error]), Deviation.of([curve_error]), largest_force
 
 
 @dataclass(frozen=True)
 class TableLine:
     """One row of the table: the errors with anhyst and with a baseline, and the baseline's name."""
 
-    what: str
-    own: str
-    baseline: str
-    against: str
-    gain: str
+    title: str
+    anhyst_text: str
+    baseline_text: str
+    baseline_name: str
+    ratio_text: str
 
     @classmethod
     def of(
-        cls, what: str, own: float, baseline: float, against: str, unit: str, places: int = 2
+        cls,
+        title: str,
+        anhyst_error: float,
+        baseline_error: float,
+        baseline_name: str,
+        unit: str,
+        decimal_places: int = 2,
     ) -> TableLine:
         """Compare two errors."""
-        own_text, other = (f"{value:.{places}f} {unit}" for value in (own, baseline))
-        gain = f"1/{baseline / own:.0f}" if baseline > 1.5 * own else "no gain"
-        return cls(what, own_text, other, against, gain)
+        anhyst_text, baseline_text = (
+            f"{value:.{decimal_places}f} {unit}" for value in (anhyst_error, baseline_error)
+        )
+        ratio_text = (
+            f"1/{baseline_error / anhyst_error:.0f}" if baseline_error > 1.5 * anhyst_error else "no gain"
+        )
+        return cls(title, anhyst_text, baseline_text, baseline_name, ratio_text)
 
 
 @dataclass(frozen=True)
 class ExampleResult:
     """The results of one example: rows of the table, panel of the picture, and remark."""
 
-    lines: list[TableLine]
-    draw: Callable[[Axes], None] | None = None
+    table_lines: list[TableLine]
+    draw_panel: Callable[[Axes], None] | None = None
     remark: str = ""
 
 
@@ -210,23 +220,28 @@ def print_step(title: str) -> Iterator[None]:
     print(f" {time.perf_counter() - start_time:.1f} s", flush=True)
 
 
-def electromagnet(out: Path) -> ExampleResult:
+def run_electromagnet(output_folder: Path) -> ExampleResult:
     """Identify a model from loops, write its report and evaluate it at withheld gaps."""
     with print_step("electromagnet: identify a model from 16 loops at four gaps"):
-        found = identify(read_loops(ELECTROMAGNET / "loops.csv"))
-        write_model(found.model, out / "model.toml")
+        identification = identify(read_loops(ELECTROMAGNET / "loops.csv"))
+        write_model(identification.model, output_folder / "model.toml")
     with print_step("electromagnet: write a report, evaluate the model at withheld gaps"):
-        write_report(out / "model.toml", out / "report.html")
+        write_report(output_folder / "model.toml", output_folder / "report.html")
         # The evaluation uses the model from the file, not the model in memory.
-        model = read_model(out / "model.toml")
+        model = read_model(output_folder / "model.toml")
         truth = read_loops(ELECTROMAGNET / "unseen_truth.csv")
         largest = max(float(np.max(loop.output)) for loop in truth.loops)
         model_deviation, curve_deviation = unseen_deviation(model, truth), unseen_single_valued(truth)
         inverse_deviation, curve_inverse_deviation, max_force = demand_deviation(model)
     lines = []
     for title, own_error, curve_error, reference_force in (
-        ("force, unseen gaps, mean", model_deviation.mean, curve_deviation.mean, largest),
-        ("force on demand, worst", inverse_deviation.worst, curve_inverse_deviation.worst, max_force),
+        ("force, unseen gaps, mean", model_deviation.mean_deviation, curve_deviation.mean_deviation, largest),
+        (
+            "force on demand, worst",
+            inverse_deviation.largest_deviation,
+            curve_inverse_deviation.largest_deviation,
+            max_force,
+        ),
     ):
         lines.append(
             TableLine.of(
@@ -269,7 +284,7 @@ def compile_and_verify(model: Path, folder: Path) -> ExampleResult:
     )
 
 
-def bearing(out: Path) -> ExampleResult:
+def run_bearing(output_folder: Path) -> ExampleResult:
     """Run steps of the bearing with position feedback and every compensation method."""
     with print_step(f"bearing: simulate steps with {len(BEARING_METHODS)} methods"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
@@ -277,16 +292,18 @@ def bearing(out: Path) -> ExampleResult:
         rig, settings = inputs.rig, inputs.rig.settings
         setups = make_setups(rig, controller, inputs.identify_magnet(), BEARING_METHODS)
         load = rig.settings.load.force_N
-        seeds = default_seeds(rig)
-        cells = compare_steps(list(setups.values()), [settings.gap_m], settings.step.heights_m, [load], seeds)
+        noise_seeds = default_seeds(rig)
+        cells = compare_steps(
+            list(setups.values()), [settings.gap_m], settings.step.heights_m, [load], noise_seeds
+        )
     steps = group_by_step(cells)
     last_step = steps[-1]
     overshoot = last_step.figure("overshoot_percent")
     baseline_name = strongest_baseline(last_step.figure("overshoot_percent"))
     assert baseline_name is not None
     write_table(
-        out / "table.txt",
-        f"overshoot, % of the step; {len(seeds)} noise seeds",
+        output_folder / "table.txt",
+        f"overshoot, % of the step; {len(noise_seeds)} noise seeds",
         [f"{1e6 * cell.height:g} um" for cell in steps],
         {name: [interval_text(cell.figure("overshoot_percent")[name]) for cell in steps] for name in setups},
     )
@@ -301,12 +318,12 @@ def bearing(out: Path) -> ExampleResult:
     runs = {name: SimulatedLoop(setups[name]).run(scenario) for name in (baseline_name, "full")}
 
     def draw(ax: Axes) -> None:
-        begin, end = scenario.steps[0].begin, scenario.steps[0].end
-        part = slice(begin - 40, min(begin + 400, end))
+        first_tick, end = scenario.steps[0].begin, scenario.steps[0].end
+        shown_range = slice(first_tick - 40, min(first_tick + 400, end))
         for name, run in runs.items():
-            time = 1e3 * (run["t_s"][part] - run["t_s"][begin])
+            time = 1e3 * (run["t_s"][shown_range] - run["t_s"][first_tick])
             label = "anhyst" if name == "full" else BASELINE_TITLES[name]
-            ax.plot(time, 1e3 * run["gap_m"][part], label=label, **line_style(name))
+            ax.plot(time, 1e3 * run["gap_m"][shown_range], label=label, **line_style(name))
         title = "bearing: feedback corrects the hysteresis"
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
@@ -324,14 +341,14 @@ class TrackingResult:
     """A variant on the test set-point: metrics of each noise seed, recording of the first seed."""
 
     measures: list[Measures]
-    shown: Recording
+    shown_run: Recording
 
     def of(self, name: str) -> Interval:
         """Return the mean of a metric over the seeds, with its interval."""
         return mean_interval([getattr(measures, name) for measures in self.measures])
 
 
-def follow(setup: StageSetup) -> TrackingResult:
+def track_test_set_point(setup: StageSetup) -> TrackingResult:
     """Find the feedforward gains on one set-point and follow another set-point with them."""
     table = setup.rig.settings.scan
     gains = find_gains(setup, scan_motion(table, table.train_m_per_s2))
@@ -340,21 +357,23 @@ def follow(setup: StageSetup) -> TrackingResult:
     return TrackingResult([measure(run, motion, table.slit_s) for run in runs], runs[0])
 
 
-def stage(out: Path) -> ExampleResult:
+def run_stage(output_folder: Path) -> ExampleResult:
     """Let a stage with feedforward follow set-points with every compensation method."""
     with print_step(f"stage: simulate set-points with feedforward and {len(STAGE_METHODS)} methods"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
         magnet = identify_magnet(rig.measured_loops.read(), rig.settings.loops)
         setups, _ = make_variants(rig, magnet, STAGE_METHODS)
-        results = dict(zip(setups, map_ordered(follow, list(setups.values())), strict=True))
+        results = dict(zip(setups, map_ordered(track_test_set_point, list(setups.values())), strict=True))
     columns = {"peak, nm": ("peak_m", 1e9), "moving average, nm": ("average_m", 1e9)}
     columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
     write_table(
-        out / "table.txt",
+        output_folder / "table.txt",
         f"error on the test set-point; {rig.settings.noise_seeds} noise seeds",
         list(columns),
         {
-            name: [interval_text(measures.of(key), factor=by) for key, by in columns.values()]
+            name: [
+                interval_text(measures.of(key), factor=unit_factor) for key, unit_factor in columns.values()
+            ]
             for name, measures in results.items()
         },
     )
@@ -374,7 +393,7 @@ def stage(out: Path) -> ExampleResult:
 
     def draw(ax: Axes) -> None:
         for name in ("single-valued", "play", "full"):
-            run = results[name].shown
+            run = results[name].shown_run
             label = "anhyst" if name == "full" else BASELINE_TITLES[name]
             ax.plot(1e3 * run["t_s"], 1e6 * run["error_m"], label=label, **line_style(name))
         title = "stage: feedforward does not correct it"
@@ -393,23 +412,23 @@ def write_table(path: Path, title: str, columns: list[str], rows: Mapping[Method
         Console(file=file, width=110).print(table)
 
 
-def table_of(pieces: list[ExampleResult]) -> Table:
+def make_results_table(results: list[ExampleResult]) -> Table:
     """Return the table with the rows of all examples."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     for name in ("error, simulated magnets", "anhyst", "baseline", "", "ratio"):
-        right = name in {"anhyst", "baseline", "ratio"}
-        table.add_column(name, justify="right" if right else "left", no_wrap=True)
-    for line in (line for piece in pieces for line in piece.lines):
-        table.add_row(line.what, line.own, line.baseline, line.against, line.gain)
+        is_number = name in {"anhyst", "baseline", "ratio"}
+        table.add_column(name, justify="right" if is_number else "left", no_wrap=True)
+    for line in (line for result in results for line in result.table_lines):
+        table.add_row(line.title, line.anhyst_text, line.baseline_text, line.baseline_name, line.ratio_text)
     return table
 
 
-def draw_picture(pieces: list[ExampleResult], path: Path) -> None:
+def draw_picture(results: list[ExampleResult], path: Path) -> None:
     """Draw the panels of all examples side by side."""
-    panels = [piece.draw for piece in pieces if piece.draw is not None]
+    panels = [result.draw_panel for result in results if result.draw_panel is not None]
     figure = Figure(figsize=(4.6 * len(panels), 4.0), layout="constrained")
-    for ax, draw in zip(figure.subplots(1, len(panels)), panels, strict=True):
-        draw(ax)
+    for ax, draw_panel in zip(figure.subplots(1, len(panels)), panels, strict=True):
+        draw_panel(ax)
         style_axes(ax)
         ax.legend(frameon=False, fontsize="small")
     figure.get_layout_engine().set(wspace=0.06)  # type: ignore[call-arg, union-attr]
@@ -420,25 +439,27 @@ def main() -> None:
     """Run the demo."""
     parser = argparse.ArgumentParser(description="Run the bundled examples against baselines.")
     parser.add_argument("--out", type=Path, default=Path("demo"), help="folder to write to")
-    out = parser.parse_args().out
-    folders = [out / name for name in ("electromagnet", "bearing", "stage")]
+    output_folder = parser.parse_args().out
+    folders = [output_folder / name for name in ("electromagnet", "bearing", "stage")]
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
     magnet_folder, bearing_folder, stage_folder = folders
-    pieces = [
-        electromagnet(magnet_folder),
+    results = [
+        run_electromagnet(magnet_folder),
         compile_and_verify(magnet_folder / "model.toml", magnet_folder / "controller"),
     ]
-    pieces += [bearing(bearing_folder), stage(stage_folder)]
-    draw_picture(pieces, out / "demo.png")
-    table = table_of(pieces)
-    with (out / "table.txt").open("w", encoding="utf-8") as file:
+    results += [run_bearing(bearing_folder), run_stage(stage_folder)]
+    draw_picture(results, output_folder / "demo.png")
+    table = make_results_table(results)
+    with (output_folder / "table.txt").open("w", encoding="utf-8") as file:
         Console(file=file, width=80).print(table)
     console = Console(width=80, highlight=False)
     console.print(table)
-    for remark in (piece.remark for piece in pieces if piece.remark):
+    for remark in (result.remark for result in results if result.remark):
         console.print(remark)
-    print(f"picture: {out / 'demo.png'}; report of the electromagnet: {magnet_folder / 'report.html'}")
+    print(
+        f"picture: {output_folder / 'demo.png'}; report of the electromagnet: {magnet_folder / 'report.html'}"
+    )
     print("next: model your magnet (docs/tutorial.md), or operate the bearing in a browser:")
     print("  .venv/bin/anhyst live examples/bearing/rig.toml")
 

@@ -24,18 +24,18 @@ NOTES = """\
 """
 
 
-def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
+def files(rig_path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Return the text of every generated file of the example, by name."""
-    return loop_file_texts(measure_loops(read_bearing(path)), NOTES)
+    return loop_file_texts(measure_loops(read_bearing(rig_path)), NOTES)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Simulate the loops of this bearing.")
     parser.add_argument("--out", type=Path, default=HERE, help="folder to write to")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
     for name, text in files().items():
-        (given.out / name).write_bytes(text.encode())
+        (options.out / name).write_bytes(text.encode())
 
 
 if __name__ == "__main__":

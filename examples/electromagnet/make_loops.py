@@ -76,9 +76,9 @@ class Steppable(Protocol):
 class Magnet:
     """Iron and circuit with the hysteresis state of the iron; initially demagnetised."""
 
-    def __init__(self, steel: CellSteel, length: float, circuit: Circuit) -> None:
+    def __init__(self, steel: CellSteel, path_length: float, circuit: Circuit) -> None:
         self.steel, self.iron = steel, Piece(steel.make_steel())
-        self.length = length  # length of the flux path, m
+        self.length = path_length  # length of the flux path, m
         self.circuit = circuit
 
     @property
@@ -96,16 +96,16 @@ class Magnet:
 
         Exact for a step of any size if the current does not reverse within it.
         """
-        outside = self.circuit.iron_area * self.circuit.outer_reluctance(gap)
+        outer_factor = self.circuit.iron_area * self.circuit.outer_reluctance(gap)
 
-        def excess(field: float) -> float:
-            used = self.length * field + outside * self.iron.flux_density(field)[0]
-            return self.circuit.turns * current - used
+        def excess_ampere_turns(field: float) -> float:
+            used_ampere_turns = self.length * field + outer_factor * self.iron.flux_density(field)[0]
+            return self.circuit.turns * current - used_ampere_turns
 
         # B never decreases as H rises, so that this field is a bound: it brackets the root.
-        end = self.field + excess(self.field) / self.length
-        if end != self.field:
-            self.iron.commit(float(brentq(excess, self.field, end, xtol=1e-11)))
+        bound = self.field + excess_ampere_turns(self.field) / self.length
+        if bound != self.field:
+            self.iron.commit(float(brentq(excess_ampere_turns, self.field, bound, xtol=1e-11)))
         return self.circuit.force(self.flux_density * self.circuit.iron_area, gap)
 
 
@@ -159,33 +159,35 @@ def settled_loop(
         force one delay of the force channel earlier.
     """
     drive = settings["drive"]
-    late = settings["sensors"]["force_delay_s"] / drive["sample_s"]
-    half = round((high - low) / (drive["sweep_A_per_s"] * drive["sample_s"]))
-    current = high - (high - low) * np.abs(np.arange(2 * half) / half - 1)
+    delay_samples = settings["sensors"]["force_delay_s"] / drive["sample_s"]
+    half_count = round((high - low) / (drive["sweep_A_per_s"] * drive["sample_s"]))
+    current = high - (high - low) * np.abs(np.arange(2 * half_count) / half_count - 1)
     for _ in range(drive["conditioning_cycles"]):
         magnet.step(low, gap)
         magnet.step(high, gap)
     force, late_force = [], []
-    for before, here in zip(np.roll(current, 1), current, strict=True):
-        late_force.append(magnet.step(here + late * (before - here), gap))
-        force.append(magnet.step(here, gap))
+    for previous_current, sample_current in zip(np.roll(current, 1), current, strict=True):
+        late_force.append(
+            magnet.step(sample_current + delay_samples * (previous_current - sample_current), gap)
+        )
+        force.append(magnet.step(sample_current, gap))
     return current, np.array(force), np.array(late_force)
 
 
-def measure(part: str, path: Path = HERE / "magnet.toml", other: Steppable | None = None) -> list[Record]:
+def measure(section: str, path: Path = HERE / "magnet.toml", other: Steppable | None = None) -> list[Record]:
     """Record all loops of one part of the magnet file, ``identification`` or ``unseen``.
 
     The magnet is that of the file, or another one with the drive and the sensors of the file.
     """
-    own, settings = load(path)
-    magnet = other or own
+    file_magnet, settings = load(path)
+    magnet = other or file_magnet
     drive, sensors = settings["drive"], settings["sensors"]
-    rng = np.random.default_rng([sensors["seed"], *part.encode()])
+    rng = np.random.default_rng([sensors["seed"], *section.encode()])
     records = []
     clock = 0.0
-    for gap in settings[part]["gaps_m"]:
+    for gap in settings[section]["gaps_m"]:
         tared = clock
-        for loop in settings[part]["loops"]:
+        for loop in settings[section]["loops"]:
             low, high = (loop[end] * drive["current_max_A"] for end in ("low", "high"))
             current, force, late_force = settled_loop(magnet, gap, low, high, settings)
             cycle = current.size * drive["sample_s"]
@@ -243,11 +245,11 @@ F_N: true force. I_A: true current plus the constant offset of the current senso
 def files(path: Path = HERE / "magnet.toml") -> dict[str, str]:
     """Return the text of every file of the example, by name."""
     offset = load(path)[1]["sensors"]["current_offset_A"]
-    unseen = measure("unseen", path)
+    unseen_records = measure("unseen", path)
     texts = {
         "loops.csv": csv_text(MEASURED, measured_rows(measure("identification", path))),
-        "unseen.csv": csv_text(MEASURED, measured_rows(unseen)),
-        "unseen_truth.csv": csv_text(TRUTH, true_rows(unseen, offset)),
+        "unseen.csv": csv_text(MEASURED, measured_rows(unseen_records)),
+        "unseen_truth.csv": csv_text(TRUTH, true_rows(unseen_records, offset)),
     }
     sidecars = {name.replace(".csv", ".toml"): 'history = "settled"\n' for name in texts}
     return texts | sidecars

@@ -15,7 +15,7 @@ import anhyst
 loops = anhyst.read_loops(anhyst.example_files("electromagnet")["loops.csv"])
 model = anhyst.identify(loops, law="effective-field").model
 turns = [0.0, 3.0, 0.3, 2.7, 0.6, 2.4, 0.9, 2.1, 1.2, 1.8]
-ramps = [np.linspace(a, b, 80) for a, b in pairwise(turns)]
+ramps = [np.linspace(start, end, 80) for start, end in pairwise(turns)]
 current = np.concatenate(ramps)
 ax = model.predict(current, 0.3e-3, history="demagnetised").plot()
 ax.set_title("inner loops at 0.3 mm")

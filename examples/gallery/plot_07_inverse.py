@@ -15,10 +15,10 @@ loops = anhyst.read_loops(anhyst.example_files("electromagnet")["loops.csv"])
 magnet = anhyst.identify(loops).model
 demand = 5.0 + 195.0 * (1.0 - np.abs(np.linspace(-1.0, 1.0, 400)))
 root = np.sqrt(demand / demand.max())
-top = magnet.inverse(demand, 0.3e-3, history="demagnetised").max()
+max_current = magnet.inverse(demand, 0.3e-3, history="demagnetised").max()
 figure, ax = plt.subplots(layout="constrained")
 for name, current in (
-    ("square root", top * root),
+    ("square root", max_current * root),
     ("inverse model", magnet.inverse(demand, 0.3e-3, history="demagnetised")),
 ):
     ax.plot(demand, magnet(current, 0.3e-3, history="demagnetised"), label=name)

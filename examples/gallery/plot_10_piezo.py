@@ -9,6 +9,6 @@ includes loop, lag and creep.
 import anhyst
 
 loops = anhyst.read_loops(anhyst.example_files("piezo")["loops.csv"])
-found = anhyst.identify(loops)
-ax = found.plot()
-ax.set_title(found.model.facts()["fit"])
+identification = anhyst.identify(loops)
+ax = identification.plot()
+ax.set_title(identification.model.facts()["fit"])

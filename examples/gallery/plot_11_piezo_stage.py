@@ -9,8 +9,8 @@ compiled inverse in fixed point.
 import anhyst
 import anhyst_rigs
 
-found = anhyst_rigs.simulate(anhyst.example_files("piezo")["rig.toml"])
-ax = found.plot()
+tracking_study = anhyst_rigs.simulate(anhyst.example_files("piezo")["rig.toml"])
+ax = tracking_study.plot()
 ax.set_ylim(-800.0, 800.0)
-rms = found.to_dataframe()["rms_m"]
+rms = tracking_study.to_dataframe()["rms_m"]
 ax.set_title(f"rms with compensation: {rms.iloc[-1] / rms.iloc[0]:.2f} of that without")

@@ -31,14 +31,14 @@ from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261122
-MOVING_TURNS = 40
+MOVING_REVERSALS = 40
 MOVING_PERIOD = 3.1  # period of the gap motion, s
-SMALL_TURNS = 12
+SMALL_REVERSALS = 12
 SMALL_BIASES = (0.3, 0.5, 0.7)  # relative to the largest current
-SMALL_SWING = 0.04  # amplitude, relative to the largest current
+SMALL_AMPLITUDE = 0.04  # amplitude, relative to the largest current
 
 
-def _bundled() -> ModuleType:
+def _load_bundled_script() -> ModuleType:
     path = HERE.parent / "electromagnet" / "make_loops.py"
     spec = importlib.util.spec_from_file_location("bundled_magnet", path)
     assert spec is not None
@@ -49,16 +49,16 @@ def _bundled() -> ModuleType:
     return module
 
 
-bundled = _bundled()
+bundled = _load_bundled_script()
 SETTINGS = bundled.load()[1]
-CIRCUIT, DRIVE = SETTINGS["circuit"], SETTINGS["drive"]
-LARGEST: float = DRIVE["current_max_A"]
+CIRCUIT_SETTINGS, DRIVE_SETTINGS = SETTINGS["circuit"], SETTINGS["drive"]
+LARGEST: float = DRIVE_SETTINGS["current_max_A"]
 POLES = Poles(
-    turns=CIRCUIT["turns"],
+    turns=CIRCUIT_SETTINGS["turns"],
     resistance=1.2,
-    width=CIRCUIT["pole_width_m"],
-    depth=CIRCUIT["pole_depth_m"],
-    leakage=CIRCUIT["leakage_H"],
+    width=CIRCUIT_SETTINGS["pole_width_m"],
+    depth=CIRCUIT_SETTINGS["pole_depth_m"],
+    leakage=CIRCUIT_SETTINGS["leakage_H"],
     iron_length=SETTINGS["iron"]["length_m"],
 )
 
@@ -87,29 +87,31 @@ class Truth:
     counted: NDArray[np.bool_]  # samples that belong to the named path, without the lead-in
 
 
-def sweeps(ends: list[float]) -> FloatArray:
+def sweeps(turning_points: list[float]) -> FloatArray:
     """Return the samples of straight current ramps between points, A."""
-    step = DRIVE["sweep_A_per_s"] * DRIVE["sample_s"]
-    parts = [np.array(ends[:1])]
-    for start, end in pairwise(ends):
+    step = DRIVE_SETTINGS["sweep_A_per_s"] * DRIVE_SETTINGS["sample_s"]
+    ramp_samples = [np.array(turning_points[:1])]
+    for start, end in pairwise(turning_points):
         count = max(1, round(abs(end - start) / step))
-        parts.append(start + (end - start) * np.arange(1, count + 1) / count)
-    return np.concatenate(parts)
+        ramp_samples.append(start + (end - start) * np.arange(1, count + 1) / count)
+    return np.concatenate(ramp_samples)
 
 
-def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, since: int) -> Truth:
-    time = DRIVE["sample_s"] * np.arange(current.size)
+def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, first_counted: int) -> Truth:
+    time = DRIVE_SETTINGS["sample_s"] * np.arange(current.size)
     force = np.ascontiguousarray(Coil(magnet(name)).run(current, gap)[:, 0])
-    return Truth(label, time, current, gap, force, np.arange(current.size) >= since)
+    return Truth(label, time, current, gap, force, np.arange(current.size) >= first_counted)
 
 
 def moving(name: str) -> Truth:
     """Return a record of random current reversals while the gap moves over its range."""
     rng = np.random.default_rng([SEED, 1])
-    current = sweeps([0.0, *(LARGEST * rng.random(MOVING_TURNS)).tolist(), 0.0])
+    current = sweeps([0.0, *(LARGEST * rng.random(MOVING_REVERSALS)).tolist(), 0.0])
     gaps = SETTINGS["identification"]["gaps_m"]
-    middle, swing = 0.5 * (gaps[-1] + gaps[0]), 0.5 * (gaps[-1] - gaps[0])
-    gap = middle + swing * sine(DRIVE["sample_s"] / MOVING_PERIOD * np.arange(current.size))
+    middle_gap, gap_amplitude = 0.5 * (gaps[-1] + gaps[0]), 0.5 * (gaps[-1] - gaps[0])
+    gap = middle_gap + gap_amplitude * sine(
+        DRIVE_SETTINGS["sample_s"] / MOVING_PERIOD * np.arange(current.size)
+    )
     return _truth(name, "moving", current, gap, 0)
 
 
@@ -121,13 +123,13 @@ def small_cycles(name: str) -> Iterator[Truth]:
     rng = np.random.default_rng([SEED, 2])
     for gap in SETTINGS["unseen"]["gaps_m"]:
         for bias in SMALL_BIASES:
-            for side, way in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
-                swings = SMALL_SWING * (2.0 * rng.random(SMALL_TURNS) - 1.0)
-                there = sweeps([*way, LARGEST * bias])
+            for branch, approach_points in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
+                swings = SMALL_AMPLITUDE * (2.0 * rng.random(SMALL_REVERSALS) - 1.0)
+                approach = sweeps([*approach_points, LARGEST * bias])
                 cycles = sweeps([LARGEST * bias, *(LARGEST * (bias + swings)).tolist()])[1:]
-                current = np.concatenate([there, cycles])
-                label = f"{gap * 1e3:.2f}mm-{bias:g}-{side}"
-                yield _truth(name, label, current, np.full(current.size, gap), there.size)
+                current = np.concatenate([approach, cycles])
+                label = f"{gap * 1e3:.2f}mm-{bias:g}-{branch}"
+                yield _truth(name, label, current, np.full(current.size, gap), approach.size)
 
 
 def rows(truths: list[Truth], offset: float) -> Iterator[str]:
@@ -137,7 +139,7 @@ def rows(truths: list[Truth], offset: float) -> Iterator[str]:
         columns = (clock + truth.time, truth.current + offset, truth.force, truth.gap)
         for time, current, force, gap in zip(*columns, strict=True):
             yield f"{time:.2f},{current:.6f},{force:.6f},{gap:.9f},{truth.label}"
-        clock = float(columns[0][-1]) + DRIVE["pause_s"]
+        clock = float(columns[0][-1]) + DRIVE_SETTINGS["pause_s"]
 
 
 class Stepped:
@@ -155,33 +157,33 @@ def files(name: str) -> dict[str, str]:
     """Return the text of every file of one iron, by name."""
     offset = SETTINGS["sensors"]["current_offset_A"]
 
-    head = f"simulated, see README.md: the bundled electromagnet with the iron {name}\n"
-    truth = f"{head}F_N: true force. I_A: true current plus the constant offset of the sensor\n"
-    settled = "history: settled; one cycle of each loop after three of the same loop"
-    begun = "history: demagnetised"
-    measured = bundled.measure("identification", other=Stepped(name))
-    unseen = bundled.measure("unseen", other=Stepped(name))
+    header = f"simulated, see README.md: the bundled electromagnet with the iron {name}\n"
+    truth = f"{header}F_N: true force. I_A: true current plus the constant offset of the sensor\n"
+    settled_note = "history: settled; one cycle of each loop after three of the same loop"
+    demagnetised_note = "history: demagnetised"
+    measured_records = bundled.measure("identification", other=Stepped(name))
+    unseen_records = bundled.measure("unseen", other=Stepped(name))
     texts = {
-        "loops": (head + settled, bundled.measured_rows(measured), "settled"),
-        "unseen_truth": (truth + settled, bundled.true_rows(unseen, offset), "settled"),
-        "moving_truth": (truth + begun, rows([moving(name)], offset), "demagnetised"),
-        "small_truth": (truth + begun, rows(list(small_cycles(name)), offset), "demagnetised"),
+        "loops": (header + settled_note, bundled.measured_rows(measured_records), "settled"),
+        "unseen_truth": (truth + settled_note, bundled.true_rows(unseen_records, offset), "settled"),
+        "moving_truth": (truth + demagnetised_note, rows([moving(name)], offset), "demagnetised"),
+        "small_truth": (truth + demagnetised_note, rows(list(small_cycles(name)), offset), "demagnetised"),
     }
-    found = {}
-    for stem, (notes, lines, history) in texts.items():
-        found[f"{stem}.csv"] = bundled.csv_text(notes, lines)
-        found[f"{stem}.toml"] = f'history = "{history}"\n'
-    return found
+    file_texts = {}
+    for file_stem, (note, data_rows, history) in texts.items():
+        file_texts[f"{file_stem}.csv"] = bundled.csv_text(note, data_rows)
+        file_texts[f"{file_stem}.toml"] = f'history = "{history}"\n'
+    return file_texts
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Simulate the bundled magnet of another iron.")
     parser.add_argument("name", choices=sorted(tables()), help="iron, by its name in irons.toml")
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    for name, text in files(given.name).items():
-        (given.out / name).write_bytes(text.encode())
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name, text in files(options.name).items():
+        (options.out / name).write_bytes(text.encode())
 
 
 if __name__ == "__main__":

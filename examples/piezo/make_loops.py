@@ -19,43 +19,43 @@ from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261123
-DT = 2e-3
-LARGEST = 150.0
-NESTED = ((0.0, 150.0), (0.0, 150.0), (0.0, 120.0), (0.0, 90.0), (0.0, 60.0), (0.0, 30.0),
+TIME_STEP = 2e-3
+LARGEST_VOLTAGE = 150.0
+CYCLE_LIMITS = ((0.0, 150.0), (0.0, 150.0), (0.0, 120.0), (0.0, 90.0), (0.0, 60.0), (0.0, 30.0),
           (60.0, 120.0), (75.0, 105.0), (0.0, 150.0))  # fmt: skip
 """Limits of the drive cycles, V; two cycles for each entry."""
-PACE = 300.0
+DRIVE_RATE = 300.0
 """Drive rate of the loops, V/s: a full cycle takes one second."""
-RATES = (1.0, 5.0, 20.0)
+FREQUENCIES = (1.0, 5.0, 20.0)
 """Frequencies of the full cycles, Hz."""
-REST = 1000.0
+REST_S = 1000.0
 """Rest before each cycle record, s."""
 
 
-def ramps(points: FloatArray, pace: float, dt: float) -> FloatArray:
+def ramps(points: FloatArray, rate: float, dt: float) -> FloatArray:
     """Return samples of straight ramps between points at a rate, V/s."""
-    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
-    return np.interp(np.arange(0.0, when[-1], dt), when, points)
+    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / rate)])
+    return np.interp(np.arange(0.0, times[-1], dt), times, points)
 
 
-def nested() -> FloatArray:
+def loop_drive() -> FloatArray:
     """Return the drive of the loops, V."""
     points = [0.0]
-    for low, high in NESTED:
-        points += [low, high, low, high, low]
-    return ramps(np.array(points), PACE, DT)
+    for low_voltage, high_voltage in CYCLE_LIMITS:
+        points += [low_voltage, high_voltage, low_voltage, high_voltage, low_voltage]
+    return ramps(np.array(points), DRIVE_RATE, TIME_STEP)
 
 
 def random_reversals(generator: np.random.Generator) -> FloatArray:
-    """Return a drive with random reversals at half of `PACE`, V."""
-    points = np.concatenate([[0.0], generator.uniform(0.0, LARGEST, 24), [0.0]])
-    return ramps(points, 0.5 * PACE, DT)
+    """Return a drive with random reversals at half of `DRIVE_RATE`, V."""
+    points = np.concatenate([[0.0], generator.uniform(0.0, LARGEST_VOLTAGE, 24), [0.0]])
+    return ramps(points, 0.5 * DRIVE_RATE, TIME_STEP)
 
 
-def cycles(rate: float) -> tuple[FloatArray, float]:
+def full_cycles(frequency: float) -> tuple[FloatArray, float]:
     """Return two full cycles at a frequency, Hz, and the time step of their samples, s."""
-    dt = 1.0 / (400.0 * rate)
-    return 0.5 * LARGEST * (1.0 - np.cos(2.0 * np.pi * np.arange(801) / 400.0)), dt
+    dt = 1.0 / (400.0 * frequency)
+    return 0.5 * LARGEST_VOLTAGE * (1.0 - np.cos(2.0 * np.pi * np.arange(801) / 400.0)), dt
 
 
 def run(rig: PiezoRig, drive: FloatArray, dt: float) -> FloatArray:
@@ -71,31 +71,36 @@ def main() -> None:
     rig = read_piezo_rig(HERE / "rig.toml")
     sensor = rig.settings.position_sensor
     generator = np.random.default_rng(SEED)
-    drive = nested()
-    read = run(rig, drive, DT) + generator.normal(0.0, sensor.noise_m, drive.size)
-    read = np.round(read / sensor.step_m) * sensor.step_m
-    time = DT * np.arange(drive.size, dtype=np.float64)
-    write(folder / "loops.csv", time, drive, read)
+    drive = loop_drive()
+    readings = run(rig, drive, TIME_STEP) + generator.normal(0.0, sensor.noise_m, drive.size)
+    readings = np.round(readings / sensor.step_m) * sensor.step_m
+    time = TIME_STEP * np.arange(drive.size, dtype=np.float64)
+    write_record(folder / "loops.csv", time, drive, readings)
     drive = random_reversals(generator)
-    write(folder / "unseen.csv", DT * np.arange(drive.size, dtype=np.float64), drive, run(rig, drive, DT))
-    with_rates(rig, folder / "rates.csv")
+    write_record(
+        folder / "unseen.csv",
+        TIME_STEP * np.arange(drive.size, dtype=np.float64),
+        drive,
+        run(rig, drive, TIME_STEP),
+    )
+    write_frequency_cycles(rig, folder / "rates.csv")
 
 
-def write(path: Path, time: FloatArray, drive: FloatArray, x: FloatArray) -> None:
+def write_record(path: Path, time: FloatArray, drive: FloatArray, displacement: FloatArray) -> None:
     """Write one record with the resolution of an instrument, displacement in micrometres."""
-    columns = {"t_s": np.round(time, 6), "U_V": np.round(drive, 4), "x_um": np.round(1e6 * x, 4)}
+    columns = {"t_s": np.round(time, 6), "U_V": np.round(drive, 4), "x_um": np.round(1e6 * displacement, 4)}
     write_csv(path, columns)
 
 
-def with_rates(rig: PiezoRig, path: Path) -> None:
+def write_frequency_cycles(rig: PiezoRig, path: Path) -> None:
     """Write full cycles, one loop for each frequency, each after a rest."""
     lines = ["loop,t_s,U_V,x_um"]
-    for place, rate in enumerate(RATES):
-        drive, dt = cycles(rate)
-        found = run(rig, drive, dt)
+    for index, frequency in enumerate(FREQUENCIES):
+        drive, dt = full_cycles(frequency)
+        displacement = run(rig, drive, dt)
         lines += [
-            f"{rate:g}Hz,{REST * place + dt * i:.7f},{u:.4f},{1e6 * x:.4f}"
-            for i, (u, x) in enumerate(zip(drive.tolist(), found.tolist(), strict=True))
+            f"{frequency:g}Hz,{REST_S * index + dt * i:.7f},{voltage:.4f},{1e6 * position:.4f}"
+            for i, (voltage, position) in enumerate(zip(drive.tolist(), displacement.tolist(), strict=True))
         ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

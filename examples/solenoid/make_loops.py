@@ -34,10 +34,10 @@ def rows(rig: ForceControlRig) -> Iterator[str]:
     sample = campaign.sample_s
     step = campaign.sweep_A_per_s * sample
     clock = 0.0
-    for place in range(len(campaign.gaps_m)):
-        for loop in measure_at_gap(rig, campaign, place, solenoid):
+    for gap_index in range(len(campaign.gaps_m)):
+        for loop in measure_at_gap(rig, campaign, gap_index, solenoid):
             clock += sum(conditioning_path(campaign)) / step * 2.0 * sample
-            gap = campaign.gaps_m[place]
+            gap = campaign.gaps_m[gap_index]
             for current, force in zip(loop.input.tolist(), loop.output.tolist(), strict=True):
                 yield f"{clock:.2f},{current:.5f},{force:.4f},{gap:.5f},{loop.label}"
                 clock += sample
@@ -54,8 +54,8 @@ def campaign_of(rig: ForceControlRig) -> MeasurementTable:
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Return the text of every file of the example, by name."""
     rig = read_rig(path)
-    turns = [0.0, *conditioning_path(campaign_of(rig))]
-    history = f"conditioned:{','.join(str(turn) for turn in turns)}"
+    turning_points = [0.0, *conditioning_path(campaign_of(rig))]
+    history = f"conditioned:{','.join(str(turning_point) for turning_point in turning_points)}"
     text = NOTES + "\n".join(rows(rig)) + "\n"
     return {"loops.csv": text, "loops.toml": f'history = "{history}"\n'}
 
@@ -64,10 +64,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Simulate the loops of this solenoid.")
     parser.add_argument("--rig", type=Path, default=HERE / "rig.toml", help="rig file")
     parser.add_argument("--out", type=Path, help="folder to write to (that of the rig file)")
-    given = parser.parse_args()
-    folder = given.out or given.rig.parent
+    options = parser.parse_args()
+    folder = options.out or options.rig.parent
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files(given.rig).items():
+    for name, text in files(options.rig).items():
         (folder / name).write_bytes(text.encode())
 
 

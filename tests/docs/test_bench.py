@@ -28,7 +28,7 @@ def test_lines_are_whole_however_long_and_times_are_in_yardsticks_too(
         bench.Row("a long line " * 20, "<= 3 s | 1 s", "x" * 200, True, 40e-9),
         bench.Row("what is no time", "reported", "1.5 %", None),
     ]
-    bench.show(rows, machine)
+    bench.print_table(rows, machine)
     message = capsys.readouterr().out.splitlines()
     *about, head, rule, first, second = message
     assert "avx2 of base, avx2" in about[0]

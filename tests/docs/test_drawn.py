@@ -53,11 +53,11 @@ def path() -> tuple[FloatArray, FloatArray]:
 
 def test_two_pieces_of_one_iron_in_series_are_that_iron(irons: ModuleType) -> None:
     core, steel = irons.Core(POLES), STEEL.make_steel()
-    single_answer = irons.PlantIron(steel).answer(core, *path())
-    series_answer = irons.SeriesIron(steel, steel, 0.3, 1.0).answer(core, *path())
-    assert np.max(np.abs(series_answer.flux - single_answer.flux)) < 1e-6 * np.max(single_answer.flux)
-    assert np.max(np.abs(series_answer.linkage - single_answer.linkage)) < 1e-6 * np.max(
-        single_answer.linkage
+    single_response = irons.PlantIron(steel).compute_response(core, *path())
+    series_response = irons.SeriesIron(steel, steel, 0.3, 1.0).compute_response(core, *path())
+    assert np.max(np.abs(series_response.flux - single_response.flux)) < 1e-6 * np.max(single_response.flux)
+    assert np.max(np.abs(series_response.linkage - single_response.linkage)) < 1e-6 * np.max(
+        single_response.linkage
     )
 
 
@@ -68,9 +68,9 @@ def test_irons_that_are_integrated_do_not_depend_on_the_steps(
 ) -> None:
     job = irons.Job(iron(irons, kind), irons.Core(POLES), *path())
     found = []
-    for steps in (irons.FINE, 2 * irons.FINE):
-        monkeypatch.setattr(irons, "FINE", steps)
-        found.append(irons.answers([job])[0].linkage)
+    for steps in (irons.RANGE_STEPS, 2 * irons.RANGE_STEPS):
+        monkeypatch.setattr(irons, "RANGE_STEPS", steps)
+        found.append(irons.compute_responses([job])[0].linkage)
     assert np.max(np.abs(found[1] - found[0])) < 2e-5 * np.max(found[1])
 
 
@@ -78,12 +78,12 @@ def test_irons_that_are_integrated_do_not_depend_on_the_steps(
 def test_a_cycle_of_an_integrated_iron_loses_energy(
     irons: ModuleType, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(irons, "FINE", 300)
+    monkeypatch.setattr(irons, "RANGE_STEPS", 300)
     rising_current = np.linspace(1.0, 3.0, 100)
     cycle = np.concatenate([rising_current, rising_current[::-1]])
     current = np.tile(cycle, 4)
     job = irons.Job(iron(irons, kind), irons.Core(POLES), current, np.full(current.size, 3e-4))
-    linkage = irons.answers([job])[0].linkage[-cycle.size - 1 :]
+    linkage = irons.compute_responses([job])[0].linkage[-cycle.size - 1 :]
     current = current[-cycle.size - 1 :]
     absorbed_energy = float(np.sum(0.5 * (current[1:] + current[:-1]) * np.diff(linkage)))
     assert absorbed_energy > 1e-4 * np.ptp(linkage) * np.ptp(current)
