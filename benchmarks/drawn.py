@@ -340,9 +340,8 @@ def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Gen
     loops, tests, start_time = [], [], 0.0
     for record, output in zip(plan.records, outputs, strict=True):
         true_input, output_reading = input_per_ampere * record.current + offsets[0], output + offsets[1]
-        history = History(
-            record.history, tuple(input_per_ampere * point + offsets[0] for point in record.history_points)
-        )  # type: ignore[arg-type]
+        points = tuple(input_per_ampere * point + offsets[0] for point in record.history_points)
+        history = History(record.history, points)  # type: ignore[arg-type]
         gap = None if ring else record.gap
         if record.kind:
             counted = np.arange(output_reading.size) >= record.first_evaluated

@@ -117,11 +117,11 @@ MESSAGES = [
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
 def test_messages_come_back_as_they_were_packed(kind: type[frames.Message]) -> None:
     numbers: list[int | tuple[int, ...]] = [n + 1 for n in range(len(fields(kind)))]
-    if kind.ARRAY_FORMAT:
-        numbers[-1] = (1, 2, 3) if kind.ARRAY_FORMAT.isupper() else (1, -2, 3)
+    if kind.TAIL:
+        numbers[-1] = (1, 2, 3) if kind.TAIL.isupper() else (1, -2, 3)
     message = kind(*numbers)
     assert kind.unpack(message.pack()) == message
-    if kind.ARRAY_FORMAT != "B":  # a byte array has a variable length
+    if kind.TAIL != "B":  # a byte array has a variable length
         with pytest.raises(ValueError, match=kind.__name__):
             kind.unpack(message.pack() + b"\0")
 
@@ -141,12 +141,12 @@ def test_values_out_of_range_are_not_packed() -> None:
 
 def test_python_and_c_agree_on_sizes(tmp_path: Path) -> None:
     lines = [
-        f"typedef char of_{kind.__name__}[LINK_SIZE_{name} == {kind.FIXED_FIELDS.size} ? 1 : -1];"
+        f"typedef char of_{kind.__name__}[LINK_SIZE_{name} == {kind.FIXED.size} ? 1 : -1];"
         for kind in MESSAGES
         for name in [snake_case(kind.__name__)]
     ]
     for record in (frames.PlantSample, frames.PlantDrive):
-        size = record.FIXED_FIELDS.size + 4
+        size = record.FIXED.size + 4
         lines.append(
             f"typedef char of_{record.__name__}"
             f"[LINK_SIZE_{snake_case(record.__name__ + 'Record')} == {size} ? 1 : -1];"
