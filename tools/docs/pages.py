@@ -56,10 +56,10 @@ def landing_page() -> str:
     """Return the landing page: a picture, a command and the chapters."""
     parts = [
         "# anhyst\n",
-        "*From a measured loop to a force that is a linear function of the command.*\n",
-        "The force of an electromagnet lags its current. anhyst takes force-current loops at a few "
-        "air gaps, finds a model in seconds, turns it round, and compiles it to fixed-point C that "
-        "is proved and verified: current in, force out, in a straight line.\n",
+        "*From a measured loop to a linear actuator: the force follows the command without hysteresis.*\n",
+        "The force of an electromagnet depends on the history of its current. anhyst fits a hysteresis "
+        "model to force-current loops at a few air gaps, inverts the model, and compiles the inverse into "
+        "fixed-point C. This C is proved to be free of overflow and verified bit for bit.\n",
         "```sh\nmake demo\n```\n",
         "![Measured and modelled loops of the bundled example](img/loops.png)\n",
         _table_of_contents((*map(chapter_file_name, CHAPTERS), "gallery/index", "reference"), depth=2),
