@@ -1,11 +1,13 @@
-"""Calibrate a planar stage with errors in its ten magnets and its body from its own motion.
+"""Compare calibration methods on a planar stage with errors in its ten magnets and its body.
 
-The plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``. All errors act
-at the same time: currents, gap zeros, loop widths and flux-probe gains of every magnet, mass,
-centre of mass and head positions. All settings were fixed before the first result. Each plant
-follows the training set-point, is calibrated on all recordings so far, and follows it again. All
-metrics are evaluated on the test set-point. The same code calibrates each method on recordings with
-this method. The same search finds the gains of each method.
+A calibration estimates these errors from recordings of the stage's own motion. The methods are the
+compensators ``full``, ``play``, ``flux``, ``fused`` and ``single-valued``. The plants are those of
+``anhyst simulate examples/planar/rig.toml --monte-carlo``. All errors act at the same time:
+currents, gap zeros, loop widths and flux-probe gains of every magnet, mass, centre of mass and head
+positions. All settings were fixed before the first result. Each plant follows the training
+set-point, is calibrated on all recordings so far, and follows it again. All metrics are evaluated
+on the test set-point. Each method is calibrated on its own recordings, by the same code. The same
+search finds the gains of each method.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
 Usage: ``python tools/fuzz.py [--runs N] [--seed N] [--out FOLDER]``
 
-A small model is compiled as both compensators. The harness tests/firmware/fuzz_firmware.c is built
-with each of them, with clang's libFuzzer and its address and undefined-behaviour sanitizers. Both
-programs run in parallel, each with half of the inputs. The same number of inputs is then run with
-the commands of an XCP master alone, because other inputs take most of the time. The exit code is 1
-if an input caused a fault. That input is saved in the folder.
+A small model is compiled as the compensators ``full`` and ``simplified``. For each of them, the
+harness tests/firmware/fuzz_firmware.c is built with clang's libFuzzer and its address and
+undefined-behaviour sanitizers. Both programs run in parallel, each with half of the inputs. The
+same number of inputs is run with XCP commands only, because other inputs need most of the time. The
+exit code is 1 if an input caused a fault. That input is saved in the folder.
 """
 
 from __future__ import annotations

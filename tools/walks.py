@@ -1,9 +1,9 @@
 """Trace which files process a model on its way to C, and a rig file on its way to a recording.
 
-``make house`` runs both jobs under a profiler. The trace records the file of each function when the
-function is first called with the traced object, or with an object that was made from it.
-Consecutive calls in one file count as one visit. A *return* is a visit to a file that was left
-before. Code with fewer files and returns is easier to read from start to end.
+``make house`` runs both jobs under a profiler. The trace records the file of each function at its
+first call with an argument whose type is defined in the traced packages. Consecutive calls in one
+file count as one visit. A *return* is a visit to a file that was left before. Code with fewer files
+and returns is easier to read from start to end.
 """
 
 from __future__ import annotations

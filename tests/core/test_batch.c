@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/batch.h for every instruction set of this processor. */
+/* Tests of anhyst/law/batch.h for every instruction set of this processor. */
 #include "anhyst/law/batch.h"
 
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/branch.h. */
+/* Tests of anhyst/law/branch.h. */
 #include "anhyst/law/branch.h"
 
 #include "check.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the play-cell law in fixed point, f32 and f64 together: the formats agree on random
+/* Tests of the play-cell law in fixed point, f32 and f64 together: the formats agree on random
    paths, none of them drifts at rest, and damaged states and signals do no harm. */
 #include "cell_law_formats.h"
 #include "check.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/cells.h for random cells of both shapes. */
+/* Tests of anhyst/law/cells.h for random cells of both shapes. */
 #include <float.h>
 #include <stdlib.h>
 #include <string.h>

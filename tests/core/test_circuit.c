@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/circuit.h: contracts, codes, and single against double precision. */
+/* Tests of anhyst/law/circuit.h: contracts, codes, and single against double precision. */
 #include <string.h>
 
 #include "check.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the fixed-point compensator, and of nested calls. */
+/* Tests of the fixed-point compensator, and of nested calls. */
 static int nested; /* calls that found another call in progress */
 #define ANHYST_ASSERT(is_true) (nested += (is_true) ? 0 : 1)
 #include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include) */

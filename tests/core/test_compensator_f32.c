@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the compensator in single precision. */
+/* Tests of the compensator in single precision. */
 #include <math.h>
 
 #include "compensator/formats/f32.h"

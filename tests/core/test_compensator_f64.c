@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the compensator in double precision. */
+/* Tests of the compensator in double precision. */
 #include <math.h>
 
 #include "compensator/formats/f64.h"

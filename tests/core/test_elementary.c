@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/numeric/elementary.h. */
+/* Tests of anhyst/numeric/elementary.h. */
 #include "anhyst/numeric/elementary.h"
 
 #include <float.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the allocation of a net force to a pair of drives in fixed point. */
+/* Tests of the allocation of a net force to a pair of drives in fixed point. */
 #include "anhyst/control/allocation.h"
 
 #include "anhyst/control/allocation_real.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the controller of a stage in fixed point: rows, PID, allocation, a tick. */
+/* Tests of the controller of a stage in fixed point: rows, PID, allocation, a tick. */
 #include "control/axes_fixed.c" /* NOLINT(bugprone-suspicious-include): calls static functions */
 
 #include "check.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the play-cell law in fixed point, compared with sums of its curves in double precision
+/* Tests of the play-cell law in fixed point, compared with sums of its curves in double precision
    at the resulting fields. */
 /* The test calls their static functions. */
 #include "compensator/cells.c"       /* NOLINT(bugprone-suspicious-include) */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the parts of the simplified law in fixed point: the table over octaves and its search,
+/* Tests of the parts of the simplified law in fixed point: the table over octaves and its search,
    the distance, and the slope. The reference is the equation z = -ln v + nu*v - nu in double
    precision. */
 #include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): calls static

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the fixed-point force controller: the methods map and flux, and a compensator fused
+/* Tests of the fixed-point force controller: the methods map and flux, and a compensator fused
    with the measured flux. */
 #include "anhyst/compensator/force_controller.h"
 

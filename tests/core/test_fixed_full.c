@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the parts of the Jiles-Atherton law in fixed point (table, decay, one evaluation of a
+/* Tests of the parts of the Jiles-Atherton law in fixed point (table, decay, one evaluation of a
    path), compared with double and long double precision. */
 /* The test calls their static functions. */
 #include "compensator/full.c" /* NOLINT(bugprone-suspicious-include) */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the map over force and gap in fixed point. The reference is the same table,
+/* Tests of the map over force and gap in fixed point. The reference is the same table,
    interpolated in double precision, which is sufficiently exact. */
 #include "compensator/lookup.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the map with one play in fixed point. The reference is the same law in double
+/* Tests of the map with one play in fixed point. The reference is the same law in double
    precision. It reads its tables with the map that test_fixed_map.c compares with exact
    arithmetic. */
 #include "check.h"

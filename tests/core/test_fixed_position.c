@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the position controller in fixed point for random settings and signals. */
+/* Tests of the position controller in fixed point for random settings and signals. */
 #include "anhyst/control/position.h"
 
 #include <string.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the 16-bit operators of anhyst/numeric/fixed.h for every pair of numbers. The required
+/* Tests of the 16-bit operators of anhyst/numeric/fixed.h for every pair of numbers. The required
    results are inequalities of exact integers. The loops over one factor count contradictions
    without a branch, so that 2^32 pairs take seconds. */
 #include "anhyst/numeric/fixed.h"

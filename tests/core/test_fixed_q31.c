@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the 32-bit operators of anhyst/numeric/fixed.h against exact 64-bit integers: edges
+/* Tests of the 32-bit operators of anhyst/numeric/fixed.h against exact 64-bit integers: edges
    with edges, edges with every 16-bit number, and pseudo-random numbers. */
 #include "anhyst/numeric/fixed.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the conversion from demand to flux and back: root, square, and the quotient of Newton
+/* Tests of the conversion from demand to flux and back: root, square, and the quotient of Newton
    steps, compared with double precision. */
 #include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include): calls static
                                         functions */

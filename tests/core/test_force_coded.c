@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of a force controller in SI units that calls one in fixed point. The inner controller has
+/* Tests of a force controller in SI units that calls one in fixed point. The inner controller has
    its own method, which records its input codes. */
 #include "anhyst/compensator/force_coded_real.h"
 

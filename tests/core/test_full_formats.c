@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the Jiles-Atherton law in fixed point, f32 and f64 together: the formats agree on
+/* Tests of the Jiles-Atherton law in fixed point, f32 and f64 together: the formats agree on
    random paths, none of them drifts at rest, and damaged states and signals do no harm. An argument
    may give the number of ticks at rest. */
 #include <string.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/langevin.h. */
+/* Tests of anhyst/law/langevin.h. */
 #include "anhyst/law/langevin.h"
 
 #include <float.h>

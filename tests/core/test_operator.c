@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/operator.h. */
+/* Tests of anhyst/law/operator.h. */
 #include "check.h"
 #include "laws.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the map with one play in floating point: it agrees with fixed point except for
+/* Tests of the map with one play in floating point: it agrees with fixed point except for
    rounding, no damage of its block is accepted, and no signal exceeds the limits. */
 #include "edges.h"
 #include "rest.h"

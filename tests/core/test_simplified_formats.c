@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the simplified law in all formats: they agree within the rounding of 16-bit words,
+/* Tests of the simplified law in all formats: they agree within the rounding of 16-bit words,
    small steps and reversals within the dead band accumulate nothing, and damaged numbers never lead
    outside -1..1. All formats use the numbers of the same fixed-point block. */
 #include <string.h>

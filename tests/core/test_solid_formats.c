@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of solid iron in fixed point, f32 and f64 together: the formats agree while the demand
+/* Tests of solid iron in fixed point, f32 and f64 together: the formats agree while the demand
    moves, the current of a constant demand becomes constant, and damaged states do no harm. */
 #include "cell_law_formats.h"
 #include "check.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of anhyst/law/solver.h. */
+/* Tests of anhyst/law/solver.h. */
 #include <float.h>
 #include <string.h>
 
@@ -15,7 +15,8 @@ typedef struct {
   double omega, r;
 } problem;
 
-/* steepness: range of 1 + omega*A, which is below zero if the magnetisation jumps. */
+/* Returns a random problem. low and high limit 1 + omega*A, where A is the steepest slope of the
+   law. The sum is below zero if the magnetisation jumps. */
 static problem random_problem(uint64_t *seed, anhyst_step step, double low, double high,
                               double reach)
 {
@@ -89,9 +90,9 @@ static void solution_residual_is_rounding(anhyst_step step, double low, double h
   }
   printf("step %d, 1 + omega*A from %g to %g:\n", (int)step, low, high);
   CHECK_BELOW("  residual in last places of |x| + |r| + |omega|", residual, 8.0);
-  CHECK_BELOW("  candidate against the law at its place", answer, 5e-12);
-  CHECK_BELOW("  evaluations of the law, mean", total / count, 7.0);
-  CHECK_BELOW("  evaluations of the law, most", most, 60.0);
+  CHECK_BELOW("  candidate compared with the law at the same field", answer, 5e-12);
+  CHECK_BELOW("  mean number of evaluations of the law", total / count, 7.0);
+  CHECK_BELOW("  largest number of evaluations of the law", most, 60.0);
 }
 
 /* Follows the path in small steps. Returns whether a solution is clearly before the found one. */
@@ -140,7 +141,7 @@ static void jump_selects_the_first_solution(anhyst_step step)
   printf("step %d, jumps; %d of %d refused:\n", (int)step, refused, count);
   CHECK_BELOW("  residual in last places of |x| + |r| + |omega|", residual, 8.0);
   CHECK_BELOW("  solutions passed over", passed, 0.0);
-  CHECK_BELOW("  evaluations of the law, most", most, 2000.0);
+  CHECK_BELOW("  largest number of evaluations of the law", most, 2000.0);
 }
 
 static void unchanged_demand_changes_no_state(void)
@@ -202,7 +203,7 @@ static void search_ends_at_any_magnitude(void)
     }
   }
   CHECK_BELOW("not converged, of 20000 wild problems", not_converged, 0.0);
-  CHECK_BELOW("evaluations of the law, most", most, 10000.0);
+  CHECK_BELOW("largest number of evaluations of the law", most, 10000.0);
 }
 
 int main(void)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the allocation of a wrench to drives in any position and direction. */
+/* Tests of the allocation of a wrench to drives in any position and direction. */
 #include "anhyst/control/wrench.h"
 #include "check.h"
 #include "maps.h"

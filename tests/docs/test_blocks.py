@@ -13,18 +13,18 @@ from tests.docs.places import fill, shell
 from tests.once import made_once
 from tests.repository import ROOT
 
-EMPTY = {"tutorial.md"}
+EMPTY_FOLDER_PAGES = {"tutorial.md"}
 """Pages that start in an empty folder, with only the installed package."""
 
-FOLLOWED = {"README.md", "boards.md", "contributing.md"}
+PAGES_RUN_ELSEWHERE = {"README.md", "boards.md", "contributing.md"}
 """Pages whose code is run by test_readme.py, test_docs.py of the link, and test_openness.py."""
 
-NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
-RUNNING = [
+PAGE_NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
+PAGES_WITH_RUN_CODE = [
     name
-    for name, page in zip(NAMES, PAGES, strict=True)
-    if page.name not in FOLLOWED
-    and any(one.language in RUN and one.marker != "not run" for one in blocks(page.read_text("utf-8")))
+    for name, page in zip(PAGE_NAMES, PAGES, strict=True)
+    if page.name not in PAGES_RUN_ELSEWHERE
+    and any(block.language in RUN and block.marker != "not run" for block in blocks(page.read_text("utf-8")))
 ]
 
 
@@ -46,10 +46,13 @@ def place(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.campaign] * name.endswith("tutorial.md")) for name in RUNNING],
+    [
+        pytest.param(name, marks=[pytest.mark.campaign] * name.endswith("tutorial.md"))
+        for name in PAGES_WITH_RUN_CODE
+    ],
 )
 def test_blocks_of_the_page_run(name: str, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = place / ("empty" if Path(name).name in EMPTY else "page")
+    folder = place / ("empty" if Path(name).name in EMPTY_FOLDER_PAGES else "page")
     monkeypatch.chdir(folder)
     names: dict[str, object] = {}
     for block in blocks(text_of(name)):
@@ -61,7 +64,7 @@ def test_blocks_of_the_page_run(name: str, place: Path, monkeypatch: pytest.Monk
             exec(compile(block.code, f"{name}:{block.line}", "exec"), names)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", PAGE_NAMES)
 def test_every_code_block_names_its_language(name: str) -> None:
     text = text_of(name)
     assert indented(text) == [], "fence code, and say its language"
@@ -69,7 +72,7 @@ def test_every_code_block_names_its_language(name: str) -> None:
         assert block.language in RUN | SHOWN, f"{name}:{block.line}: '{block.language}'"
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", PAGE_NAMES)
 def test_commands_are_in_shell_blocks(name: str) -> None:
     shown = [block for block in blocks(text_of(name)) if block.language in SHOWN]
     assert [block.line for block in shown if commands(f"```\n{block.code}```")] == []
@@ -81,7 +84,7 @@ def test_every_step_of_the_tutorial_states_its_duration() -> None:
     assert [step for step in steps if not re.search(r"\((\d+ s|a minute)\b[^)]*\)$", step)] == []
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", PAGE_NAMES)
 def test_every_command_of_the_page_exists(name: str) -> None:
     page_verbs = {"widest"} if name == "docs/contributing.md" else set()  # a command from the page
     refused = [

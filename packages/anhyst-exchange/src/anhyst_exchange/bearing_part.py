@@ -1,4 +1,4 @@
-"""A simulated bearing as a component: the plant of ``anhyst simulate`` and its controller."""
+"""Export a simulated bearing as an FMU: the plant of ``anhyst simulate`` and its controller."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from anhyst_exchange.part import FmiVersion
 from tests.cli.command import quick as run
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
-from tests.kept_models.making import TRUTHS
+from tests.kept_models.making import MODEL_RECIPES
 from tests.refusals import refused, says
 from tests.truths import truth
 
@@ -133,7 +133,7 @@ def test_every_law_and_gap_map_gives_the_force_of_the_model(
 @pytest.mark.slow
 @pytest.mark.parametrize("example", ["solenoid-three-gaps", "piezo", "electromagnet"])
 def test_identified_actuators_give_the_output_of_their_model(fmu: Fmu, example: str, tmp_path: Path) -> None:
-    if example in TRUTHS:
+    if example in MODEL_RECIPES:
         model = truth(example)
     else:
         loops = anhyst.read_loops(anhyst.example_files(example)["loops.csv"])

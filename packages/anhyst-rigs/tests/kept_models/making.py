@@ -1,4 +1,7 @@
-"""How each kept model (``tests.truths``) is identified: from an example, or from a virtual magnet."""
+"""Define how each saved model of ``tests.truths`` is identified: its loops and its options.
+
+The loops come from an example or from a virtual magnet.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ EXAMPLES = ROOT / "examples"
 
 
 def measured(example: str, *gaps: float) -> Loops:
-    """Return the bundled loops of an example, at some gaps or at all."""
+    """Return the bundled loops of an example at the given gaps, or at all gaps."""
     loops = read_loops(EXAMPLES / example / "loops.csv")
     return loops.at(gaps) if gaps else loops
 
@@ -34,7 +37,7 @@ def bearing(fraction: float = 0.15) -> Loops:
 
 
 def family(iron: str) -> Loops:
-    """Measure that magnet with an iron of another family, in coarser steps."""
+    """Measure the bundled magnet of the bearing with an iron of another family, in coarser steps."""
     changes: dict[str, Any] = {"measurement.sample_s": 0.025}
     if iron != "cells":
         changes["iron"] = generator().tables()[iron]
@@ -42,8 +45,8 @@ def family(iron: str) -> Loops:
 
 
 @dataclass(frozen=True)
-class Truth:
-    """How a kept model is identified."""
+class ModelRecipe:
+    """Loops and options from which a saved model is identified."""
 
     loops: Callable[[], Loops]
     options: dict[str, Any] = field(default_factory=dict)
@@ -53,7 +56,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class ForceControlled(Truth):
+class ForceControlled(ModelRecipe):
     """A model of the bundled solenoid at one gap, ready for force control."""
 
     gap: float = 0.0
@@ -71,18 +74,18 @@ def _law(name: str, gap_map: str = "circuit", **more: Any) -> dict[str, Any]:
     return {"law": name, "gap_map": gap_map, **more}
 
 
-TRUTHS: dict[str, Truth] = {
-    "bearing": Truth(bearing, {"gap_map": "circuit"}),
-    "bearing-reversible": Truth(lambda: bearing(0.3), {"gap_map": "circuit"}),
-    "bearing-jiles-atherton": Truth(bearing, _law("effective-field")),
-    "electromagnet": Truth(lambda: measured("electromagnet")),
+MODEL_RECIPES: dict[str, ModelRecipe] = {
+    "bearing": ModelRecipe(bearing, {"gap_map": "circuit"}),
+    "bearing-reversible": ModelRecipe(lambda: bearing(0.3), {"gap_map": "circuit"}),
+    "bearing-jiles-atherton": ModelRecipe(bearing, _law("effective-field")),
+    "electromagnet": ModelRecipe(lambda: measured("electromagnet")),
     "solenoid-end": ForceControlled(lambda: measured("solenoid")),
     "solenoid-held": ForceControlled(lambda: measured("solenoid"), {"law": "play-cells"}, 1.0e-3),
-    "solenoid-three-gaps": Truth(
+    "solenoid-three-gaps": ModelRecipe(
         lambda: measured("solenoid", 1.0e-3, 1.6e-3, 2.8e-3), _law("play-cells", "reluctance")
     ),
     **{
-        f"{iron}-{law}": Truth(partial(family, iron), _law(law))
+        f"{iron}-{law}": ModelRecipe(partial(family, iron), _law(law))
         for iron, law in (
             ("cells", "play-cells"),
             ("preisach-usual", "play-cells"),
@@ -91,7 +94,7 @@ TRUTHS: dict[str, Truth] = {
         )
     },
     **{
-        f"{example}-{law}-{gap_map}": Truth(partial(measured, example), _law(law, gap_map))
+        f"{example}-{law}-{gap_map}": ModelRecipe(partial(measured, example), _law(law, gap_map))
         for example, law, gap_map in (
             ("electromagnet", "play-cells", "scaling"),
             ("electromagnet", "effective-field", "scaling"),
@@ -101,10 +104,10 @@ TRUTHS: dict[str, Truth] = {
         )
     },
     **{
-        f"{example}-no-dead-band": Truth(
+        f"{example}-no-dead-band": ModelRecipe(
             partial(measured, example), _law("effective-field", "reluctance", dead_band=False)
         )
         for example in ("electromagnet", "bearing")
     },
 }
-"""By name, which is that of the file too."""
+"""Loops and options of each saved model, by the name of its file."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.kept_models.making import TRUTHS
+from tests.kept_models.making import MODEL_RECIPES
 from tests.truths import FOLDER, truth
 
 
 def test_every_saved_model_has_an_entry_in_the_table() -> None:
-    assert {path.stem for path in FOLDER.glob("*.toml")} == set(TRUTHS)
+    assert {path.stem for path in FOLDER.glob("*.toml")} == set(MODEL_RECIPES)
 
 
 FIRST = {
@@ -22,11 +22,12 @@ FIRST = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(truth, marks=[pytest.mark.campaign] * (truth not in FIRST)) for truth in TRUTHS]
+    "name",
+    [pytest.param(truth, marks=[pytest.mark.campaign] * (truth not in FIRST)) for truth in MODEL_RECIPES],
 )
 def test_identification_gives_the_saved_model(name: str) -> None:
     """Not to the last bit, which differ from processor to processor: to 0.05 % of its range."""
-    kept, now = truth(name), TRUTHS[name].identify()
+    kept, now = truth(name), MODEL_RECIPES[name].identify()
     assert (now.law, now.gap_map) == (kept.law, kept.gap_map)
     assert kept.valid is not None
     low, high = kept.valid.input

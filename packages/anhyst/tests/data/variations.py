@@ -85,7 +85,7 @@ class Variation:
 
 @dataclass
 class Truth:
-    """Loops of a measurement in SI units, by the gap in metres (rounded to 0.1 µm)."""
+    """Loops of a measurement, current in A and force in N, by the gap in mm."""
 
     current: dict[float, Array] = field(default_factory=dict)
     force: dict[float, Array] = field(default_factory=dict)

@@ -2,9 +2,9 @@
 
 The settings are in SI units. ``core/include/anhyst/control/position.h`` runs the controller in
 fixed point, and ``position_real.h`` in floating point; ``levitation.h`` describes the sequence of
-lift-off and landing. `PositionControl` returns the settings of a number format by name. The classes
-``Position``, ``PositionF32`` and ``FixedPosition`` of the core accept these settings together with
-the gains and the compensators.
+lift-off and landing. `PositionControl` converts the settings to a number format and returns a
+dictionary. The classes ``Position``, ``PositionF32`` and ``FixedPosition`` of the core accept this
+dictionary together with the gains and the compensators.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Estimate the delay of the output after the input, in samples.
 
-The output of a rate-independent law reverses together with its input. The mean output around all
-reversals therefore has its maximum at the delay, which gives candidates at any sampling rate. For
-each candidate, the output around each reversal is fitted by a smooth curve before it and a
-monotonic curve after it. The result is the delay with the smallest misfit. A second estimate, a fit
-of play operators to the whole record, must agree.
+The output of a rate-independent law reverses together with its input. The outputs around all
+reversals, with the sign of minima changed, are averaged. Samples near the maximum of this mean are
+candidates for the delay. For each candidate, the output around each reversal is fitted by a smooth
+curve before it and a monotonic curve after it. The result is the delay with the smallest misfit. A
+second estimate, a fit of play operators to the whole record, must agree.
 """
 
 from __future__ import annotations

@@ -1,10 +1,13 @@
 """Search Jiles-Atherton parameters: screen one gap, optimise the best sets, then join all gaps.
 
+A gap map states how parameters depend on the air gap. The map ``free`` has separate parameters at
+each gap. The other maps have one main gap-dependent parameter, such as a reluctance.
+
 1. Simulate many parameter sets for the loops of the gap with the largest output (:mod:`.screening`).
-2. Minimise the squared residuals at that gap from the few best sets that differ.
-3. For a gap map, scan its gap-dependent parameter at every other gap with the others fixed, for the
-   results of step 2 and further sets of step 1. Then fit all gaps together from the best. With the map
-   ``free``, fit every gap like the first one, then all together with a smoothness penalty.
+2. Minimise the squared residuals at that gap from a few of the best sets.
+3. For a map other than ``free``, find this parameter at each other gap by a scan. The other
+   parameters are those of step 2, or further sets of step 1. Then fit all gaps together. For the
+   map ``free``, repeat steps 1 and 2 at each gap, then fit all gaps with a smoothness penalty.
 
 All random numbers come from the seed.
 """

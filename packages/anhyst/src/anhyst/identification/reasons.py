@@ -1,7 +1,7 @@
-"""Explain the selected law and gap map in sentences, and list all candidates.
+"""Explain the selection of a hysteresis law and a gap map in sentences, and list all candidates.
 
-A sentence states the errors that decided the selection. If another candidate has a smaller error,
-the sentence names it and explains why it was not selected.
+A gap map states how parameters depend on the air gap. A sentence states the errors that decided the
+selection. If another candidate has a smaller error, the sentence explains why it was not selected.
 """
 
 from __future__ import annotations

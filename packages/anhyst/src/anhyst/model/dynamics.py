@@ -9,14 +9,14 @@ A sample is held until the next one, so each ``s_j`` depends on earlier samples 
 inverse can subtract the creep from the demand, solve for ``B``, and then update the creep states.
 
 Solid iron consists of ``N`` layers between which the field diffuses. Layer ``j``, counted from the
-surface, has a fraction ``phi_j`` of the cross-section and its own field ``H_j``; ``S_j`` is the
-flux density in layer ``j`` and all deeper layers, over the whole section::
+surface, has a fraction ``phi_j`` of the cross-section and its own field ``H_j``. ``S_j`` is the
+flux in layer ``j`` and all deeper layers, divided by the whole cross-section::
 
     H_(j-1) = H_j + gamma/(N - 1) * dS_j/dt,    j = 2..N
     c_H(gap) * (input - in_0) = l*H_l + (1 - l)*H_1 + rho(gap)*B/mu0,    B = S_1
 
-Sheets, a fraction ``l`` of the path, need the field ``H_l`` for the whole flux. At rest, all fields
-are equal, and the model is that of one layer (docs/rate.md).
+A fraction ``l`` of the flux path is laminated, without eddy currents; its field is ``H_l``. At
+rest, all fields are equal, and the model is that of one layer (docs/rate.md).
 """
 
 from __future__ import annotations

@@ -1,12 +1,15 @@
 """Data of a model: law, parameters over the gap, circuit, history, valid range and origin.
 
-The circuit connects the iron, whose law is in the core, to drive and output (docs/theory.md)::
+A hysteresis law relates the field ``H`` to the flux density ``B`` of the iron. The magnetic circuit
+connects them to the input and the output (docs/theory.md)::
 
     c_H(gap) * (input - in_0) = H + rho(gap) * B / mu0 + gamma * dB/dt
     output                    = c_out(gap) * B**power + out_0
 
-with ``power`` 2 for a force and magnetostriction, else 1. A parameter is a number, or one number
-for each node of the scheduling variable (interpolation: :mod:`anhyst.model.parameters`).
+``c_H`` and ``c_out`` are scale factors, ``in_0`` and ``out_0`` offsets, ``rho`` the reluctance of
+the gap, and ``gamma`` the effect of eddy currents. ``power`` is 2 for a force and magnetostriction,
+else 1. A parameter is a number, or one number for each node of the scheduling variable
+(interpolation: :mod:`anhyst.model.parameters`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Result of a computation over a record, and flags for samples outside the valid range."""
+"""Hold the output that a model computes for a record, and flag samples outside the valid range."""
 
 from __future__ import annotations
 

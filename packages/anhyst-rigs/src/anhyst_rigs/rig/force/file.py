@@ -1,6 +1,7 @@
-"""Read the rig file of force control, where an actuator holds its armature, and its solenoid file.
+"""Read the rig file of force control and the file of the solenoid that it names.
 
-All values are in SI units, and each key ends with its unit. docs/force-control.md describes all.
+In force control, an actuator holds its armature while it controls the force. All values are in SI
+units, and each key ends with its unit. docs/force-control.md describes all keys.
 """
 
 from __future__ import annotations

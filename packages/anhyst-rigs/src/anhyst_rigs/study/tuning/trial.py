@@ -1,11 +1,12 @@
 """Define the search range of gains, and try one set of gains in the nonlinear loop.
 
-The range of a bearing contains the poles of the closed loop. The moving mass is m. From the origin,
-the pole pair has the distance w, its damping is z, and the real pole has the distance a w::
+For a bearing, the search varies the poles of the closed loop instead of the gains. The moving mass
+is m. The pole pair has the distance w from the origin and the damping ratio z, and the real pole
+has the distance a w::
 
     (m + K_dd) s^3 + K_d s^2 + K_p s + K_i = (m + K_dd) (s + a w) (s^2 + 2 z w s + w^2)
 
-The design rule fixes a = 1. With a as a parameter, every set of gains can be represented.
+The default design has a = 1. With a as a parameter, every set of gains can be represented.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs a compensator in the harness, and a PIDD2 in parallel with its own signals. */
+/* Runs a compensator and, in parallel, a PIDD2 controller (PID with second derivative), each with its
+ *    own random signals. */
 #include "anhyst/control/pidd2.h"
 #include "signals.h"
 #include "steps.h"
