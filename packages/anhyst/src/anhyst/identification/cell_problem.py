@@ -42,8 +42,8 @@ CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # creep time constants, relative to 
 MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest tried time constant of the creep, in samples
 
 STRAIGHT_SLOPE_SHARE = 0.02
-"""Slope of a fixed linear term of every model, relative to the mean slope. Further linear output is
-a cell with the widest curve, so that the saturation of all cells exceeds every output."""
+"""Slope of a fixed linear term of every model, relative to the mean slope. A cell with the widest
+curve represents any further linear output. All cells together then exceed every output."""
 
 OUTLIER_RATIO = 10.0
 """Multiple of the median deviation above which a sample is an outlier, such as a spike or the

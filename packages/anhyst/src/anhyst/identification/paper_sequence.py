@@ -78,7 +78,7 @@ def move_to_common_gauge(search: PaperSearch, free_state: SearchState) -> Search
     for gap in [reference, *range(reference + 1, search.gap_count), *range(reference - 1, -1, -1)]:
         neighbour = sets.get(gap - 1 if gap > reference else gap + 1)
         sets[gap], gap_evaluations = search.run.run_stage(
-            f"gap {gap} in one gauge",
+            f"gap {gap} in a common gauge",
             partial(_search_from_neighbour, search, gap, moved_sets[gap], neighbour),
         )
         evaluations += gap_evaluations

@@ -291,7 +291,7 @@ def _predict_without_offsets(
 
 
 def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_samples: float) -> float:
-    """Return the penalty of the free offsets of a space, as twice the logarithm of the odds."""
+    """Return the penalty of the free offsets: twice the logarithm of the odds against them."""
     readings_at_rest = space.records.rest_readings
     readings = {
         "in_0": (readings_at_rest.input, space.records.input_span),

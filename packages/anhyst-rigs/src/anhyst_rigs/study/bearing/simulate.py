@@ -115,7 +115,7 @@ class Simulation(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """All experiments that the variant of the controller file ended by a loss of levitation."""
+        """All experiments in which the controller's own variant lost the levitation."""
         all_experiments = self.experiments
         blocks: list[tuple[str, CaseFigures]] = [
             *(
