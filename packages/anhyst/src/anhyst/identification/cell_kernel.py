@@ -201,8 +201,7 @@ class CellKernel(_CellKernelBase):
         return parameters | {"alpha": alpha}
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
-        """Multiply the field parameters by a factor, and set the interaction, which was 0, to 1 -
-        factor."""
+        """Multiply the field parameters by a factor; the interaction 0 becomes 1 - factor."""
         iron["alpha"] = 1.0 - factor
         for name in iron:
             if name[:2] in {"a_", "k_"}:
@@ -281,8 +280,7 @@ class WeightKernel(_CellKernelBase):
         )
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
-        """Multiply the field scale by a factor, and set the interaction, which was 0, to 1 -
-        factor."""
+        """Multiply the field scale by a factor; the interaction 0 becomes 1 - factor."""
         iron["alpha"] = 1.0 - factor
         iron[SCALE_NAMES[1]] *= factor
 

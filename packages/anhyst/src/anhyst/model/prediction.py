@@ -81,8 +81,7 @@ def flag_samples(
 def describe_far_value(
     quantity: Quantity | None, values: FloatArray | None, limits: tuple[float, float] | None
 ) -> str:
-    """Describe values so far outside a range that their unit may be wrong; empty if there are none.
-    """
+    """Describe values so far outside a range that their unit may be wrong; else empty."""
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit
