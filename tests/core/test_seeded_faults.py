@@ -143,7 +143,7 @@ FAULTS = [
         "slope limited to 32",
         "src/compensator/simplified_fixed.h",
         "return slope > MAX_STATE_SLOPE ? MAX_STATE_SLOPE : slope;",
-        "return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;",
+        "return slope > ANHYST_MAX_SLOPE ? ANHYST_MAX_SLOPE : slope;",
         "test_fixed_closed",
     ),
     Fault(

@@ -444,7 +444,7 @@ static void open_xcp(void)
 {
   static const uint8_t connect[2] = {0xFF, 0};
   uint8_t answer[XCP_PACKET];
-  require(master(connect, 2, answer) == 8U);
+  require(perform_xcp_command(connect, 2, answer) == 8U);
 }
 
 int LLVMFuzzerInitialize(int *argc, char ***argv);

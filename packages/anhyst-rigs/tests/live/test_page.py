@@ -180,7 +180,7 @@ def test_the_page_names_files_of_one_folder_alone(serve: Serve, show: Show) -> N
     ready(page)
     page.locator("#record-name").fill("../elsewhere")
     page.locator("#record").click()
-    until(page, "document.getElementById('notice').textContent.includes('without a folder')")
+    until(page, "document.getElementById('notice').textContent.includes('but no folder')")
     page.locator("#record-name").fill("last")
     page.locator("#keep").click()
     wait_for((served.session.recorder.folder / "last.mf4").exists)
