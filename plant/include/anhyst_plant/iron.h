@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Irons of several families with one interface. None of these families is the Jiles-Atherton model.
- *    An iron consists of its steel (parameters) and its memory (state). The state moves along
- * monotone paths of one coordinate. At the end of a path, every family computes the field, the flux
- * density, and their slopes; both rise with the coordinate. The coordinate is the field of the
- * anhysteretic curve for cells and the Duhem iron, and the field of the relays for the Preisach
- * iron. */
+/* Irons of several families with one interface; none is the Jiles-Atherton model. An iron consists
+   of its steel (parameters) and its memory (state). The state moves along monotone paths of one
+   coordinate: the field of the anhysteretic curve (cells and Duhem iron) or of the relays (Preisach
+   iron). Every family computes field and flux density, which both rise with the coordinate, and
+   their slopes at the end of a path. */
 #ifndef ANHYST_PLANT_IRON_H
 #define ANHYST_PLANT_IRON_H
 
