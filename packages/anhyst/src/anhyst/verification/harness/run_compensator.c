@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs a compensator and, in parallel, a PIDD2 controller (PID with second derivative), each with its
- *    own random signals. */
+/* Runs a compensator and, in parallel, a PIDD2 controller (PID with second derivative), each with
+   its own random signals. */
 #include "anhyst/control/pidd2.h"
 #include "signals.h"
 #include "steps.h"
