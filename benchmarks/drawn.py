@@ -324,7 +324,7 @@ def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Gen
     sensors, magnet, ring = plan.true_parameters["sensors"], plan.true_parameters["magnet"], plan.core.is_ring
     is_field_loop = ring and magnet["ring_flux_density"]
     poles = plan.core.poles
-    input_per_ampere = poles.turns / poles.iron_length if is_field_loop else 1.0  # input per ampere
+    input_per_ampere = poles.turns / poles.iron_length if is_field_loop else 1.0
     outputs, spans = [], []
     for record, response in zip(plan.records, responses, strict=True):
         linkage, flux = (values[len(record.lead_points):] for values in response)  # fmt: skip

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a compensator, and common functions, in single precision. */
+/* Limits a number to a range, in single precision. */
 #ifndef ANHYST_LOOKUP_F32_H
 #define ANHYST_LOOKUP_F32_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a compensator, and common functions, in double precision. */
+/* Limits a number to a range, in double precision. */
 #ifndef ANHYST_LOOKUP_F64_H
 #define ANHYST_LOOKUP_F64_H
 

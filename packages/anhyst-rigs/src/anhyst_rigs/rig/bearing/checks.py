@@ -69,9 +69,9 @@ def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest_gap: float) -> 
         ("landing", "landing", settings.landing, land_time(rig, settings)),
     ):
         if seconds > MAX_RAMP_S:
-            forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
-            is_too_long = forces > travel / ramp.speed_m_per_s
-            key = "force_rate_N_per_s" if is_too_long else "speed_m_per_s"
+            force_ramp_s = settings.limits.force_high_N / ramp.force_rate_N_per_s
+            is_force_slower = force_ramp_s > travel / ramp.speed_m_per_s
+            key = "force_rate_N_per_s" if is_force_slower else "speed_m_per_s"
             text = f"{action} takes {seconds:.4g} s, but at most {MAX_RAMP_S:g} s are simulated"
             yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
