@@ -8,19 +8,24 @@
 static int read_numbers(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                         double *numbers)
 {
-  const int memories = anhyst_memories_f64(iron);
+  const int memories = anhyst_hysteresis_memories_f64(iron);
   const int numbers_per_memory = iron->law->numbers(iron->parameters);
+  int count = 0;
   for (int i = 0; i < memories; i++) {
-    iron->law->leave(iron->parameters, &state[i], numbers + (ptrdiff_t)i * numbers_per_memory);
+    iron->law->leave(iron->parameters, &state[i], numbers + count);
+    count += numbers_per_memory;
   }
-  return memories * numbers_per_memory;
+  if (anhyst_memories_f64(iron) > memories) {
+    numbers[count++] = state[memories].flux * iron->state_scale; /* saturation is about 1 T */
+  }
+  return count;
 }
 
 /* Extrapolates the repeated cycles to their limit, for one hysteresis state after the other. */
 static void extrapolate_states(const anhyst_iron_f64 *iron, const double *const ends[3],
                                anhyst_memory_f64 *state)
 {
-  const int memories = anhyst_memories_f64(iron);
+  const int memories = anhyst_hysteresis_memories_f64(iron);
   const int numbers_per_memory = iron->law->numbers(iron->parameters);
   for (int i = 0; i < memories; i++) {
     const ptrdiff_t at = (ptrdiff_t)i * numbers_per_memory;

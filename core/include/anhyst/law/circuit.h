@@ -16,7 +16,7 @@ extern "C" {
 
 /* Maximum number of layers of solid iron. */
 #define ANHYST_LAYERS_MAX 16
-/* Maximum number of hysteresis states of a core: one for each layer and the laminated part. */
+/* Maximum number of memories of a core: one for each layer and the laminated part. */
 #define ANHYST_MEMORIES_MAX (ANHYST_LAYERS_MAX + 1)
 
 /* An iron core in physical units. The structures behind the pointers must outlive the core. A core
@@ -31,6 +31,10 @@ typedef struct {
   int layers;              /* number of layers; 1: uniform field */
   double surface_fraction; /* cross-section fraction of the first layer, above 0; 1: single layer */
   double laminated_fraction; /* part of the flux path without eddy currents, 0 to below 1 */
+  /* Eddy circuit of a core with one layer, anhyst_iron_eddy_circuit_f64. */
+  double leaky_fraction; /* part of the eddy currents in a ring with leakage flux, 0 to 1 */
+  double leaky_delay;    /* delay of this ring divided by gamma, T m/A, >= 0 */
+  double excess;         /* excess field for an eddy field of 1 A/m, sqrt(A/m), >= 0 */
 } anhyst_iron_f64;
 
 /* The circuit around the core at one sample. If both members are 0, the drive is the field. */
@@ -47,6 +51,7 @@ typedef struct {
   double drive;                                      /* drive c_H*I, or the applied field, A/m */
   double field;                                      /* field in the iron, A/m */
   double flux;                                       /* flux density B, T */
+  double ring_flux;                                  /* flux density inside a leaky ring, T */
 } anhyst_reaction_f64;
 
 /* Initialises an iron core with a Jiles-Atherton law from physical parameters. pinning (k) and
@@ -69,11 +74,26 @@ anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
                                      double laminated);
 
-/* Returns the number of hysteresis states in a state of the core. */
+/* Sets how the eddy currents of a core with one layer depend on the rate. A fraction of them flows
+   in a ring around the core with leakage flux, so that the flux density Z inside the ring follows B
+   with a delay T. Domain walls cause an additional field, the excess loss. With the eddy field
+   e(v) = gamma*v of a flux density that changes at the rate v:
+
+     field = (1 - leaky)*e(dB/dt) + leaky*e(dZ/dt) +- excess*sqrt(|e(dB/dt)|),   T*dZ/dt = B - Z
+
+   leaky_delay is T/gamma. Initial values: 0. Returns ANHYST_OK, or ANHYST_BAD_PARAMETER, also for a
+   core with several layers. */
+anhyst_status anhyst_iron_eddy_circuit_f64(anhyst_iron_f64 *iron, double leaky, double leaky_delay,
+                                           double excess);
+
+/* Returns the number of memories in a state of the core: hysteresis states, and the flux density
+   inside a leaky ring as the last one. */
 int anhyst_memories_f64(const anhyst_iron_f64 *iron);
 
-/* Returns the flux density of a state, T. From here on, `state` is an array of hysteresis
-   states. */
+/* Returns the number of hysteresis states in a state of the core. */
+int anhyst_hysteresis_memories_f64(const anhyst_iron_f64 *iron);
+
+/* Returns the flux density of a state, T. From here on, `state` is an array of memories. */
 double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state);
 
 /* Commits a solution to the state from which it was found. */
@@ -81,8 +101,9 @@ void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
                        const anhyst_reaction_f64 *reaction);
 
 /* Solves for a given drive, without changing the state. The equation is x + (R/(1+R) - alpha)*M =
-   (drive + eddy*B0)/(1+R), R = rho + eddy*mu0. The eddy field gamma*dB/dt uses backward Euler. For
-   a solid core, uses the equations of layers.c. The error of these equations is at most 1e-10 of
+   (drive + eddy*B0)/(1+R), R = rho + eddy*mu0. The eddy field gamma*dB/dt uses backward Euler. An
+   excess loss is found to 1e-12 of the change of the flux. For a solid core, uses the equations of
+   layers.c. The error of these equations is at most 1e-10 of
    their fields, or 1e-12 of the scale of the law as a flux density. Returns a status like
    anhyst_solve. */
 anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,

@@ -17,6 +17,7 @@ extern "C" {
 typedef union {
   anhyst_state_f64 lag;
   anhyst_cells_state_f64 cells;
+  double flux; /* flux density inside a leaky ring, T; not a state of the iron (circuit.h) */
 } anhyst_memory_f64;
 
 /* A solution before its commit. */

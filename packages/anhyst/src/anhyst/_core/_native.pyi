@@ -27,6 +27,11 @@ class AnyIron:
         """Repeat a cycle until it closes; return state, cycles, status."""
     def make_solid(self, layers: int, surface: float, laminated: float) -> None:
         """Divide the iron into layers; the state is that of all, the surface first, sheets last."""
+    def set_eddy_circuit(self, leaky: float, leaky_delay: float, excess: float) -> None:
+        """Set leaky fraction, its delay divided by gamma, T m/A, and excess field, sqrt(A/m).
+
+        With a leaky fraction, the flux density inside the ring is the last number of the state.
+        """
     def check_state(self, state: _Array) -> int:
         """Return the status of a state from outside; raise ValueError if its length is wrong."""
     def flux_of(self, state: _Array) -> float:

@@ -81,6 +81,7 @@ NB_MODULE(_native, m)
            "eddy"_a.noconvert(), "state"_a.noconvert(), "inverse"_a = false, "max_cycles"_a = 10000,
            "tol"_a = 1e-12)
       .def("make_solid", &AnyIron::make_solid, "layers"_a, "surface"_a, "laminated"_a)
+      .def("set_eddy_circuit", &AnyIron::set_eddy_circuit, "leaky"_a, "leaky_delay"_a, "excess"_a)
       .def("check_state", &AnyIron::check_state, "state"_a.noconvert())
       .def("flux_of", &AnyIron::flux_of, "state"_a.noconvert());
   nb::class_<LagIron, AnyIron>(m, "Iron").def(

@@ -69,6 +69,14 @@ public:
     }
   }
 
+  void set_eddy_circuit(double leaky, double leaky_delay, double excess)
+  {
+    if (anhyst_iron_eddy_circuit_f64(&iron_, leaky, leaky_delay, excess) != ANHYST_OK) {
+      throw std::invalid_argument("eddy circuit: one layer, the leaky fraction from 0 to 1, delay "
+                                  "and excess field 0 or above");
+    }
+  }
+
   const anhyst_iron_f64 *get() const { return &iron_; }
 
 protected:
@@ -83,25 +91,39 @@ protected:
 private:
   size_t numbers() const { return static_cast<size_t>(iron_.law->numbers(iron_.parameters)); }
 
+  size_t hysteresis_memories() const
+  {
+    return static_cast<size_t>(anhyst_hysteresis_memories_f64(&iron_));
+  }
+
   anhyst_status enter(const In &state, Memories *now) const
   {
     now->resize(static_cast<size_t>(anhyst_memories_f64(&iron_)));
-    same_length(numbers() * now->size(), state.shape(0), "the state");
-    for (size_t i = 0; i < now->size(); i++) {
+    const size_t hysteresis_numbers = numbers() * hysteresis_memories();
+    same_length(hysteresis_numbers + now->size() - hysteresis_memories(), state.shape(0),
+                "the state");
+    for (size_t i = 0; i < hysteresis_memories(); i++) {
       const double *own = state.data() + i * numbers();
       const anhyst_status status = iron_.law->enter(iron_.parameters, own, &(*now)[i]);
       if (status != ANHYST_OK) {
         return status;
       }
     }
+    if (now->size() > hysteresis_memories()) { // a leaky ring
+      now->back().flux = state.data()[hysteresis_numbers];
+    }
     return ANHYST_OK;
   }
 
   Out leave(const Memories &now) const
   {
-    Out left = make_array(numbers() * now.size());
-    for (size_t i = 0; i < now.size(); i++) {
+    const size_t hysteresis_numbers = numbers() * hysteresis_memories();
+    Out left = make_array(hysteresis_numbers + now.size() - hysteresis_memories());
+    for (size_t i = 0; i < hysteresis_memories(); i++) {
       iron_.law->leave(iron_.parameters, &now[i], left.data() + i * numbers());
+    }
+    if (now.size() > hysteresis_memories()) {
+      left.data()[hysteresis_numbers] = now.back().flux;
     }
     return left;
   }

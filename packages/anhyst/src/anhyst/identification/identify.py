@@ -231,14 +231,10 @@ def _fit_all_speeds(
         return replace(static(loops, None), rate_reason=rate_fit.reason)
     static_loops = remove_rate_effect(rate_fit.model, outcome.model, speeds.slow)
     if static_loops is not None:
-        corrected_outcome = static(static_loops, outcome)
-        layers = rate_fit.model.layers
-        second_fit = fit_rate(
-            corrected_outcome.model, loops, speeds, min_layers=layers.count if layers else 1
-        )
+        corrected_outcome = static(static_loops, None)
+        second_fit = fit_rate(corrected_outcome.model, loops, speeds)
         if second_fit.error < rate_fit.error:
-            rate_fit = second_fit
-            outcome = replace(outcome, uncertainty=corrected_outcome.uncertainty)
+            rate_fit, outcome = second_fit, corrected_outcome
     uncertainty = rate_fit.add_to_uncertainty(outcome.uncertainty)
     return replace(outcome, model=rate_fit.model, uncertainty=uncertainty, rate_reason=rate_fit.reason)
 

@@ -19,12 +19,11 @@ from anhyst.data import Loop, Loops
 from anhyst.data.speeds import SpeedGroups
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import GAMMA_NAME, Dynamics, Layers
+from anhyst.model.dynamics import GAMMA_NAME, Dynamics, EddyCircuit, Layers
 from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
-LAYER_COUNTS = (1, 2, 3, 4)  # numbers of layers that are tried; 1 is a lag of the flux
 
 MAX_ERROR_RATIO = 0.9
 """Largest error with layers for which they are accepted, relative to the error of the static model
@@ -40,6 +39,14 @@ relative to the field scale of the law."""
 GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
 """Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
 equals the drive."""
+
+LEAKY_DELAY_START_RATIOS = np.array([0.1, 0.5, 2.0, 10.0])
+"""Initial delays of a leakage flux, relative to the time of one radian at the fastest rate."""
+
+EXCESS_START_RATIOS = np.array([0.01, 0.05, 0.2])
+"""Initial excess fields at the fastest rate, relative to the drive."""
+
+MIN_GAMMA = 1e-30  # gamma below which there are no eddy currents, A s/(m T)
 
 START_LAMINATED_SHARE = 0.2  # initial laminated fraction of the path
 
@@ -82,11 +89,36 @@ class RateFit:
 
 
 @dataclass(frozen=True)
-class _RateParameters:
-    """The fitted parameters of the rate dependence, and the number of layers."""
+class _RateForm:
+    """A composition of mechanisms that make the iron depend on the rate."""
 
-    layer_count: int  # number of layers
-    theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both fractions
+    layer_count: int = 1  # number of layers; 1: uniform field
+    has_leakage: bool = False  # whether a part of the eddy currents has a leakage flux
+    has_excess: bool = False  # whether there is an excess loss
+
+    @property
+    def theta_limits(self) -> tuple[float, ...]:
+        """Largest absolute values of the fitted parameters."""
+        fractions = (6.0, 6.0) if self.layer_count > 1 else ()
+        leakage = (6.0, 20.0) if self.has_leakage else ()
+        return (50.0, *fractions, *leakage, *((50.0,) if self.has_excess else ()))
+
+    def __str__(self) -> str:
+        """Return the form in words."""
+        if self.layer_count > 1:
+            return f"{self.layer_count} layers"
+        additions = ["leakage flux"] * self.has_leakage + ["excess loss"] * self.has_excess
+        return f"a lag of the flux{' with ' if additions else ''}{' and '.join(additions)}"
+
+
+@dataclass(frozen=True)
+class _RateParameters:
+    """The fitted parameters of a form."""
+
+    form: _RateForm
+    # ``ln(gamma)``; for layers the logits of surface and laminated fraction; for a leakage flux the
+    # logit of its fraction and the logarithm of its delay; the logarithm of the excess field
+    theta: tuple[float, ...]
 
     @property
     def gamma(self) -> float:
@@ -94,12 +126,42 @@ class _RateParameters:
         return float(np.exp(self.theta[0]))
 
     @property
-    def shares(self) -> tuple[float, float]:
-        """Fraction of the section in the surface layer, and laminated fraction of the path."""
-        if self.layer_count == 1:
-            return 1.0, 0.0
-        surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
-        return float(surface), float(laminated)
+    def layers(self) -> Layers | None:
+        """The layers; None for a uniform field."""
+        if self.form.layer_count == 1:
+            return None
+        return Layers(self.form.layer_count, *map(_fraction, self.theta[1:3]))
+
+    @property
+    def eddy_circuit(self) -> EddyCircuit | None:
+        """Leakage flux and excess loss; None without both."""
+        form = self.form
+        if not (form.has_leakage or form.has_excess):
+            return None
+        leaky = _fraction(self.theta[1]) if form.has_leakage else 0.0
+        delay = float(np.exp(self.theta[2])) if form.has_leakage else 0.0
+        return EddyCircuit(leaky, delay, float(np.exp(self.theta[-1])) if form.has_excess else 0.0)
+
+    def apply_to(self, iron: AnyIron) -> int:
+        """Give an iron this rate dependence; return the number of copies of the law's state."""
+        iron.make_solid(1, 1.0, 0.0)
+        circuit = self.eddy_circuit or EddyCircuit()
+        iron.set_eddy_circuit(*circuit.core_settings(max(self.gamma, MIN_GAMMA)))
+        if (layers := self.layers) is None:
+            return 1
+        iron.make_solid(layers.count, layers.surface, layers.laminated)
+        return layers.state_copies
+
+
+FORMS = (
+    _RateForm(),
+    _RateForm(has_excess=True),
+    _RateForm(has_leakage=True),
+    _RateForm(2),
+    _RateForm(3),
+    _RateForm(4),
+)
+"""Forms that are compared, simple ones first."""
 
 
 class _LoopPath:
@@ -125,9 +187,10 @@ class _LoopPath:
 
     def relative_residual(self, rate: _RateParameters) -> FloatArray:
         """Return modelled minus measured output, relative to the largest output of all loops."""
-        self.iron.make_solid(rate.layer_count, *rate.shares)
+        state = np.tile(self.state, rate.apply_to(self.iron))
+        if rate.form.has_leakage:
+            state = np.append(state, self.iron.flux_of(np.append(state, 0.0)))
         eddy = rate.gamma * self.rate
-        state = np.tile(self.state, rate.layer_count + 1 if rate.layer_count > 1 else 1)
         circuit_inputs = self.drive, self.circuit.rho, eddy
         if self.is_cycle:
             state = self.iron.settle(*circuit_inputs, state, False, MAX_CYCLES, CYCLE_TOLERANCE)[0]
@@ -136,6 +199,10 @@ class _LoopPath:
             return np.full(self.measured.size, _NO_ANSWER_DEVIATION)
         residual: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
         return residual
+
+
+_Fold = tuple[list[list[_LoopPath]], list[list[_LoopPath]]]
+"""Groups of fitted and of withheld loops."""
 
 
 class _RateProblem:
@@ -159,9 +226,11 @@ class _RateProblem:
         fastest_paths = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths)
         drive = max(float(np.ptp(path.drive)) for path in fastest_paths)
-        self.gamma_scale = drive / (2.0 * np.pi * speeds.fastest_rate * density)
+        self.fastest_angular_rate = 2.0 * np.pi * speeds.fastest_rate
+        self.gamma_scale = drive / (self.fastest_angular_rate * density)
+        self.excess_scale = drive / np.sqrt(self.fastest_angular_rate * density)
 
-    def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
+    def make_folds(self) -> list[_Fold]:
         """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
         if len(self.groups) > 1:
             all_groups = [[group] for group in self.groups]
@@ -179,22 +248,32 @@ class _RateProblem:
             for withheld_groups in all_groups
         ]
 
+    def starts(self, form: _RateForm) -> list[_RateParameters]:
+        """Return initial parameters of a form on a coarse grid."""
+        gammas = np.log(GAMMA_START_RATIOS * self.gamma_scale)
+        rows: list[tuple[float, ...]] = [(float(gamma),) for gamma in gammas]
+        if form.layer_count > 1:
+            fractions = _logit(1.0 / form.layer_count), _logit(START_LAMINATED_SHARE)
+            rows = [(*row, *fractions) for row in rows]
+        if form.has_leakage:
+            delays = np.log(LEAKY_DELAY_START_RATIOS / self.fastest_angular_rate)
+            rows = [(*row, 1.0, float(delay)) for row in rows for delay in delays]
+        if form.has_excess:
+            excesses = np.log(EXCESS_START_RATIOS * self.excess_scale)
+            rows = [(*row, float(excess)) for row in rows for excess in excesses]
+        return [_RateParameters(form, row) for row in rows]
+
     def fit(
-        self, groups: Sequence[Sequence[_LoopPath]], layer_count: int, start: _RateParameters | None = None
+        self, groups: Sequence[Sequence[_LoopPath]], form: _RateForm, start: _RateParameters | None = None
     ) -> tuple[_RateParameters, float]:
         """Fit the rate parameters to some loops; also return the std of ``ln(gamma)``."""
         from scipy.optimize import least_squares
 
         if start is None:
-            shares = () if layer_count == 1 else (_logit(1.0 / layer_count), _logit(START_LAMINATED_SHARE))
-            starts = [
-                _RateParameters(layer_count, (float(np.log(gamma_ratio * self.gamma_scale)), *shares))
-                for gamma_ratio in GAMMA_START_RATIOS
-            ]
-            start = min(starts, key=lambda rate: mean_error(groups, rate))
+            start = min(self.starts(form), key=lambda rate: mean_error(groups, rate))
 
         def residuals(theta: FloatArray) -> FloatArray:
-            rate = _RateParameters(layer_count, tuple(theta.tolist()))
+            rate = _RateParameters(form, tuple(theta.tolist()))
             rows = [
                 path.relative_residual(rate) / np.sqrt(path.measured.size * len(group))
                 for group in groups
@@ -202,9 +281,8 @@ class _RateProblem:
             ]
             return np.concatenate(rows)
 
-        theta_limits = np.array([50.0, 6.0, 6.0][: len(start.theta)])
-        theta_start = np.array(start.theta)
-        theta_start[1:] = np.clip(theta_start[1:], -5.9, 5.9)
+        theta_limits = np.array(form.theta_limits)
+        theta_start = np.clip(start.theta, -theta_limits + 0.1, theta_limits - 0.1)
         result = least_squares(
             residuals, theta_start, bounds=(-theta_limits, theta_limits), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
             max_nfev=15,
@@ -212,11 +290,15 @@ class _RateProblem:
         degrees_of_freedom = max(1, result.fun.size - result.x.size)
         covariance = np.linalg.pinv(result.jac.T @ result.jac)
         std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * covariance[0, 0]))
-        return _RateParameters(layer_count, tuple(result.x.tolist())), std
+        return _RateParameters(form, tuple(result.x.tolist())), std
 
 
-def _logit(share: float) -> float:
-    return float(np.log(share / (1.0 - share)))
+def _logit(fraction: float) -> float:
+    return float(np.log(fraction / (1.0 - fraction)))
+
+
+def _fraction(logit: float) -> float:
+    return float(0.5 + 0.5 * np.tanh(0.5 * logit))
 
 
 def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> float:
@@ -227,58 +309,74 @@ def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> 
     )
 
 
-def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]) -> RateFit:
-    """Fit eddy currents to fast loops, with a fixed static model and a minimum number of layers."""
+def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
+    """Fit the rate dependence to fast loops, with a fixed static model.
+
+    A form is a candidate if its error at withheld loops is smaller than that of the static model,
+    and not larger than that of a single lag. Of the candidates, the form with the smallest error at
+    all fast loops is selected, but a form with more parameters or layers only for a smaller error by
+    a tenth.
+    """
     static_model, model = model, _with_series_reluctance(model)
     problem = _RateProblem(model, speeds, largest_output(loops))
     folds = problem.make_folds()
-    static_rate = _RateParameters(1, (-np.inf,))
+    static_rate = _RateParameters(_RateForm(), (-np.inf,))
     static_error = _geometric_mean(mean_error(withheld_paths, static_rate) for _, withheld_paths in folds)
-    chosen_fit: tuple[_RateParameters, float] | None = None
-    best_error = withheld_error = np.inf
-    for layer_count in LAYER_COUNTS[LAYER_COUNTS.index(min_layers) :]:
-        rate, std = problem.fit(problem.groups, layer_count)
-        error = mean_error(problem.groups, rate)
-        if chosen_fit is None:
-            withheld_error = _geometric_mean(
-                mean_error(
-                    withheld_paths,
-                    problem.fit(fitted_paths, layer_count, rate)[0]
-                    if fitted_paths is not problem.groups
-                    else rate,
-                )
-                for fitted_paths, withheld_paths in folds
-            )
-            is_better = withheld_error < MAX_ERROR_RATIO * static_error
-        else:
-            is_better = error < MAX_ERROR_RATIO * best_error
-        if is_better:
-            best_error, chosen_fit = error, (rate, std)
-        elif chosen_fit is not None and layer_count > 2:
-            break  # more layers would only be a finer discretisation
+    candidates: list[_Candidate] = []
+    for form in FORMS:
+        candidate = _try_form(problem, folds, form)
+        if not candidates:
+            largest_withheld_error = min(MAX_ERROR_RATIO * static_error, candidate.withheld_error / MAX_ERROR_RATIO)
+        if candidate.withheld_error <= largest_withheld_error:
+            candidates.append(candidate)
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
-    if chosen_fit is None:
+    if not candidates:
         return RateFit(
             static_model,
             f"layers do not improve the fit of fast loops: the error of the static model is {static_text}",
         )
-    rate, std = chosen_fit
+    chosen = candidates[0]
+    for candidate in candidates[1:]:
+        if candidate.error < MAX_ERROR_RATIO * chosen.error:
+            chosen = candidate
+    rate = chosen.rate
     rate_model = replace(
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
-        layers=Layers(rate.layer_count, *rate.shares) if rate.layer_count > 1 else None,
+        layers=rate.layers,
+        eddy_circuit=rate.eddy_circuit,
         dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
     )
-    layers_text = (
-        "a lag of the flux has an error of"
-        if rate.layer_count == 1
-        else f"{rate.layer_count} layers have an error of"
-    )
     reason = (
-        f"{layers_text} {100.0 * best_error:.2g} % of full scale at the fast loops; its error at withheld loops is "
-        f"{100.0 * withheld_error:.2g} %, that of the static model {static_text}"
+        f"{rate.form}: the error at the fast loops is {100.0 * chosen.error:.2g} % of full scale, at "
+        f"withheld loops {100.0 * chosen.withheld_error:.2g} %; the error of the static model there is {static_text}"
     )
-    return RateFit(rate_model, reason, std, mean_error([*problem.groups, problem.slow_paths], rate))
+    return RateFit(
+        rate_model, reason, chosen.log_gamma_std, mean_error([*problem.groups, problem.slow_paths], rate)
+    )
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A fitted form, with its errors relative to the largest output."""
+
+    rate: _RateParameters
+    log_gamma_std: float  # standard deviation of ln(gamma)
+    error: float  # error at all fast loops
+    withheld_error: float  # geometric mean of the errors at withheld loops
+
+
+def _try_form(problem: _RateProblem, folds: list[_Fold], form: _RateForm) -> _Candidate:
+    """Fit a form to all fast loops and, from there, to the loops of each fold."""
+    rate, std = problem.fit(problem.groups, form)
+    withheld_error = _geometric_mean(
+        mean_error(
+            withheld_paths,
+            rate if fitted_paths is problem.groups else problem.fit(fitted_paths, form, rate)[0],
+        )
+        for fitted_paths, withheld_paths in folds
+    )
+    return _Candidate(rate, std, mean_error(problem.groups, rate), withheld_error)
 
 
 def _geometric_mean(values: Iterable[float]) -> float:

@@ -1,4 +1,4 @@
-"""Model the dynamics of an actuator: lag, creep, and layers of solid iron.
+"""Model the dynamics of an actuator: lag, creep, eddy circuit, and layers of solid iron.
 
 The effective field follows the delayed drive. Creep states ``s_j`` follow the flux density ``B`` of
 the iron (for a piezo, its polarisation) slowly, and are added to it::
@@ -17,6 +17,12 @@ flux in layer ``j`` and all deeper layers, divided by the whole cross-section::
 
 A fraction ``l`` of the flux path is laminated, without eddy currents; its field is ``H_l``. At
 rest, all fields are equal, and the model is that of one layer (docs/rate.md).
+
+An eddy circuit describes rings around iron with one field. A fraction ``f`` of the eddy currents
+flows in a ring with leakage flux, and domain walls cause an excess loss::
+
+    c_H*(input - in_0) = H + rho*B/mu0 + (1 - f)*gamma*dB/dt + f*gamma*dZ/dt + k*sign*sqrt|dB/dt|
+    T*dZ/dt = B - Z
 """
 
 from __future__ import annotations
@@ -154,6 +160,43 @@ class Layers:
             f"{self.count}, {100.0 * self.surface:.3g} % of the section at the surface, "
             f"{100.0 * self.laminated:.3g} % of the path laminated"
         )
+
+
+@dataclass(frozen=True)
+class EddyCircuit:
+    """Eddy currents with a leakage flux, and excess loss, in iron with a uniform field."""
+
+    leaky: float = 0.0  # fraction of gamma in a ring with leakage flux, 0 to 1
+    delay: float = 0.0  # delay of the flux inside this ring, s, 0 or above
+    excess: float = 0.0  # excess field at a rate of the flux density of 1 T/s, A/m, 0 or above
+
+    def __post_init__(self) -> None:
+        for key, is_wrong, range_text in (
+            ("leaky", not 0.0 <= self.leaky <= 1.0, "from 0 to 1"),
+            ("delay", not 0.0 <= self.delay < math.inf, "of 0 or above"),
+            ("excess", not 0.0 <= self.excess < math.inf, "of 0 or above"),
+        ):
+            if is_wrong:
+                text = f"model eddy circuit: {key} is {getattr(self, key):g}; give a number {range_text}"
+                raise InputError(text, code="out-of-range", key=key)
+
+    @property
+    def state_numbers(self) -> int:
+        """Number of states in addition to that of the law: the flux density inside the ring."""
+        return int(self.leaky > 0.0)
+
+    def core_settings(self, gamma: float) -> tuple[float, float, float]:
+        """Return the numbers of `AnyIron.set_eddy_circuit`."""
+        return self.leaky, self.delay / gamma, self.excess / math.sqrt(gamma)
+
+    def __str__(self) -> str:
+        """Return the eddy circuit in words."""
+        parts = []
+        if self.leaky > 0.0:
+            parts.append(f"{100.0 * self.leaky:.3g} % in a ring with a delay of {1e3 * self.delay:.3g} ms")
+        if self.excess > 0.0:
+            parts.append(f"excess field of {self.excess:.3g} A/m at 1 T/s")
+        return ", ".join(parts) or "none"
 
 
 def describe_too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from anhyst.laws import DEFAULT_LAW, LAWS, get_law
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.model import schema
-from anhyst.model.dynamics import Dynamics, Layers
+from anhyst.model.dynamics import Dynamics, EddyCircuit, Layers
 from anhyst.model.parameters import (
     CIRCUIT_SPECS,
     Circuit,
@@ -56,15 +56,20 @@ and no 16-bit word can distinguish smaller values from a jump."""
 
 
 @lru_cache(maxsize=256)
-def _cached_iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
+def _cached_iron(
+    law: Law, eddy_settings: Layers | tuple[float, float, float] | None, *parameters: float
+) -> IronOperator:
     from anhyst._core import AnyIron
 
     try:
         iron = law.iron(*parameters)
-        if layers is not None:
+        if eddy_settings is not None:
             if not isinstance(iron, AnyIron):
-                raise ValueError(f"layers need a law of the core, not {law.name}")
-            iron.make_solid(layers.count, layers.surface, layers.laminated)
+                raise ValueError(f"layers and eddy circuits need a law of the core, not {law.name}")
+            if isinstance(eddy_settings, Layers):
+                iron.make_solid(eddy_settings.count, eddy_settings.surface, eddy_settings.laminated)
+            else:
+                iron.set_eddy_circuit(*eddy_settings)
         return iron
     except ValueError as error:
         raise InputError(
@@ -107,6 +112,9 @@ class ModelData:
         Lag and creep; None for an actuator without them.
     layers : Layers or None
         Layers of solid iron; None if the field is the same throughout.
+    eddy_circuit : EddyCircuit or None
+        Leakage and excess loss of the eddy currents in iron without layers, with a constant
+        ``gamma`` above 0; None if the eddy currents are a single lag.
 
     Raises
     ------
@@ -131,6 +139,7 @@ class ModelData:
     cells: CellWeights | None = None
     dynamics: Dynamics | None = None
     layers: Layers | None = None
+    eddy_circuit: EddyCircuit | None = None
 
     def __post_init__(self) -> None:
         parameters: dict[str, Parameter] = {}
@@ -175,7 +184,10 @@ class ModelData:
     @property
     def states(self) -> int:
         """Number of states of the iron; all are zero in the demagnetised state."""
-        return self.operator_law.states * (self.layers.state_copies if self.layers else 1)
+        copies = self.layers.state_copies if self.layers else 1
+        return self.operator_law.states * copies + (
+            self.eddy_circuit.state_numbers if self.eddy_circuit else 0
+        )
 
     @cached_property
     def file_keys(self) -> schema.Names:
@@ -221,7 +233,7 @@ class ModelData:
     @property
     def has_lag(self) -> bool:
         """Whether eddy currents are a single lag, which every kind of compensator supports."""
-        return self.has_eddy_currents and self.layers is None
+        return self.has_eddy_currents and self.layers is None and self.eddy_circuit is None
 
     @property
     def has_layers(self) -> bool:
@@ -262,7 +274,7 @@ class ModelData:
         if self.dynamics is None and not self.has_eddy_currents:
             return self
         parameters = dict(self.parameters) | {"gamma": 0.0}
-        return replace(self, parameters=parameters, layers=None, dynamics=None)
+        return replace(self, parameters=parameters, layers=None, eddy_circuit=None, dynamics=None)
 
     @cached_property
     def curves(self) -> Mapping[str, Curve]:
@@ -328,7 +340,19 @@ class ModelData:
     def _iron(self, schedule: float) -> IronOperator:
         gap, law = np.array([schedule]), self.operator_law
         values = (float(self.interpolate_parameter(spec.name, gap)[0]) for spec in law.parameters)
-        return _cached_iron(law, self.layers, *values)
+        return _cached_iron(law, self.layers or self._core_eddy_circuit, *values)
+
+    @property
+    def _core_eddy_circuit(self) -> tuple[float, float, float] | None:
+        """The eddy circuit in the units of the core."""
+        if self.eddy_circuit is None:
+            return None
+        gamma = self.parameters["gamma"]
+        if isinstance(gamma, tuple) or not gamma > 0.0 or self.layers is not None:
+            raise InputError(
+                "an eddy circuit needs one gamma above 0 and no layers", code="out-of-range", key="eddy_circuit"
+            )
+        return self.eddy_circuit.core_settings(gamma)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
         """Return the circuit at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""

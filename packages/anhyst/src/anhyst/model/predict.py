@@ -37,8 +37,9 @@ PIECE_SAMPLES = 1 << 16
 
 MAX_CYCLES = 10_000
 CYCLE_TOLERANCE = 1e-12
+LAYERS_CYCLE_TOLERANCE = 1e-10
 """A cycle is closed if its state returns within this tolerance: fields relative to the parameter
-``a``, the magnetisation relative to ``M_s``."""
+``a``, the magnetisation relative to ``M_s``. Rounding errors of layers are larger."""
 
 
 class SampleError(InputError):
@@ -269,7 +270,8 @@ def _settle(iron: IronOperator, record: _RecordRun, run: slice, start: FloatArra
     """Repeat a cycle until its state returns; also return the number of cycles."""
     kind, circuit = record.kind, record.circuit(run)
     core_inputs = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
-    state, cycles, status = iron.settle(*core_inputs, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE)
+    tolerance = CYCLE_TOLERANCE if record.model.layers is None else LAYERS_CYCLE_TOLERANCE
+    state, cycles, status = iron.settle(*core_inputs, start, kind == "demand", MAX_CYCLES, tolerance)
     if status == NOT_SETTLED:
         raise NegativeResult(
             f"the {kind} was repeated {cycles} times, but the cycle does not close: "
