@@ -8,6 +8,8 @@
 
 /* Maximum number of solutions for one excess loss. */
 enum { MAX_EXCESS_STEPS = 50 };
+/* Number of bisections for the thickness ratio of layers. */
+enum { RATIO_BISECTIONS = 80 };
 
 /* The comparisons in this function also reject NaN and infinity. */
 static int is_iron_valid(const anhyst_iron_f64 *iron)
@@ -28,7 +30,6 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
   iron->interaction = interaction;
   iron->state_scale = 1.0;
   iron->layers = 1;
-  iron->surface_fraction = 1.0;
   iron->laminated_fraction = 0.0;
   iron->leaky_fraction = 0.0;
   iron->leaky_delay = 0.0;
@@ -55,12 +56,57 @@ anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells
   iron->interaction = interaction;
   iron->state_scale = cells->scale;
   iron->layers = 1;
-  iron->surface_fraction = 1.0;
   iron->laminated_fraction = 0.0;
   iron->leaky_fraction = 0.0;
   iron->leaky_delay = 0.0;
   iron->excess = 0.0;
   return is_iron_valid(iron) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+}
+
+/* Returns the sum of a geometric series that starts with 1. */
+static double geometric_sum(double ratio, int count)
+{
+  double sum = 0.0;
+  for (int i = 0; i < count; i++) {
+    sum = 1.0 + ratio * sum;
+  }
+  return sum;
+}
+
+/* Returns the ratio of the thicknesses of neighbouring layers. */
+static double thickness_ratio(int layers, double surface)
+{
+  double low = 0.0;
+  double high = 1.0 / surface;
+  for (int i = 0; i < RATIO_BISECTIONS; i++) {
+    const double middle = 0.5 * (low + high);
+    if (surface * geometric_sum(middle, layers) < 1.0) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  return 0.5 * (low + high);
+}
+
+static void set_thickness(anhyst_iron_f64 *iron, double surface)
+{
+  const int layers = iron->layers;
+  const double ratio = layers > 1 ? thickness_ratio(layers, surface) : 1.0;
+  double fraction = 1.0 / geometric_sum(ratio, layers);
+  /* The middles of the first and the last layer are half of these layers from the faces. */
+  double depth = 1.0 - 0.5 * fraction;
+  iron->area_fraction[0] = fraction;
+  iron->diffusion_fraction[0] = 0.0;
+  for (int j = 1; j < layers; j++) {
+    fraction *= ratio;
+    iron->area_fraction[j] = fraction;
+  }
+  depth -= 0.5 * fraction;
+  for (int j = 1; j < layers; j++) {
+    iron->diffusion_fraction[j] =
+        0.5 * (iron->area_fraction[j - 1] + iron->area_fraction[j]) / depth;
+  }
 }
 
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
@@ -72,8 +118,8 @@ anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double s
     return ANHYST_BAD_PARAMETER;
   }
   iron->layers = layers;
-  iron->surface_fraction = surface;
   iron->laminated_fraction = laminated;
+  set_thickness(iron, surface);
   return ANHYST_OK;
 }
 
@@ -136,7 +182,8 @@ typedef struct {
   double ring_flux;  /* flux density inside the leaky ring before the step, T */
 } eddy_line;
 
-static eddy_line eddy_line_of(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state, double eddy)
+static eddy_line eddy_line_of(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
+                              double eddy)
 {
   eddy_line line = {eddy, 0.0, 0.0, 0.0};
   if (eddy > 0.0) {
@@ -227,11 +274,10 @@ anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memor
     return anhyst_layers_forward_f64(iron, state, circuit, drive, reaction);
   }
   const eddy_line line = eddy_line_of(iron, state, circuit->eddy);
-  const anhyst_status status =
-      iron->excess > 0.0 && circuit->eddy > 0.0
-          ? solve_with_excess(iron, state, circuit, &line, drive, reaction)
-          : solve_with_line(iron, state, circuit->gap_ratio, line.slope, drive + line.constant,
-                            reaction);
+  const anhyst_status status = iron->excess > 0.0 && circuit->eddy > 0.0
+                                   ? solve_with_excess(iron, state, circuit, &line, drive, reaction)
+                                   : solve_with_line(iron, state, circuit->gap_ratio, line.slope,
+                                                     drive + line.constant, reaction);
   if (status != ANHYST_OK) {
     return status;
   }

@@ -2,10 +2,10 @@
 /* Solid core. Layer j of N has the fraction phi_j of the cross-section, a field H_j and the flux
    density B_j(H_j). S_j = sum_{k>=j} phi_k*B_k is the flux in layer j and all deeper layers. S_1 =
    B is the total flux. Eddy currents between the layers cause a field that opposes every change of
-   the flux of the deeper layers. The laminated part, a fraction l of the path, has the field
-   H_l(B):
+   the flux of the deeper layers; d_j is the fraction of gamma between the layers j - 1 and j
+   (circuit.h). The laminated part, a fraction l of the path, has the field H_l(B):
 
-     H_{j-1} = H_j + g*(S_j - S_j,before),   g = eddy/(N - 1),   j = 2..N
+     H_{j-1} = H_j + d_j*eddy*(S_j - S_j,before),   j = 2..N
      drive = l*H_l(B) + (1 - l)*H_1 + rho*B/mu0
 
    The field in each equation rises with its S_j. Therefore, the equations are the conditions for
@@ -31,9 +31,10 @@ typedef struct {
   const anhyst_memory_f64 *state;
   const anhyst_circuit_f64 *circuit;
   double drive;
-  int flux_given;                          /* whether the total flux is given */
-  double area_fraction[ANHYST_LAYERS_MAX]; /* phi_j */
-  double start_flux[ANHYST_LAYERS_MAX];    /* S_j of the initial state */
+  int flux_given;                       /* whether the total flux is given */
+  const double *area_fraction;          /* phi_j */
+  double eddy_slope[ANHYST_LAYERS_MAX]; /* d_j*eddy */
+  double start_flux[ANHYST_LAYERS_MAX]; /* S_j of the initial state */
   anhyst_reaction_f64 *reaction;
   double field[ANHYST_MEMORIES_MAX];       /* fields H_j, then H_l */
   double field_slope[ANHYST_MEMORIES_MAX]; /* dH/dB of each layer and of the laminated part */
@@ -68,7 +69,6 @@ static anhyst_status compute_residuals(layer_problem *problem, const double *sec
 {
   const int layers = problem->iron->layers;
   const double laminated = problem->iron->laminated_fraction;
-  const double eddy_slope = problem->circuit->eddy / (layers - 1);
   for (int j = 0; j < layers; j++) {
     const double deeper = j + 1 < layers ? section[j + 1] : 0.0;
     const anhyst_status status =
@@ -84,8 +84,9 @@ static anhyst_status compute_residuals(layer_problem *problem, const double *sec
   residual[0] = laminated * problem->field[layers] + (1.0 - laminated) * problem->field[0] +
                 problem->circuit->gap_ratio * section[0] / ANHYST_MU0 - problem->drive;
   for (int j = 1; j < layers; j++) {
-    residual[j] = (1.0 - laminated) * (problem->field[j] - problem->field[j - 1] +
-                                       eddy_slope * (section[j] - problem->start_flux[j]));
+    residual[j] =
+        (1.0 - laminated) * (problem->field[j] - problem->field[j - 1] +
+                             problem->eddy_slope[j] * (section[j] - problem->start_flux[j]));
   }
   return ANHYST_OK;
 }
@@ -95,17 +96,16 @@ static void compute_newton_step(const layer_problem *problem, const double *resi
 {
   const int layers = problem->iron->layers;
   const double solid = 1.0 - problem->iron->laminated_fraction;
-  const double eddy_slope = problem->circuit->eddy / (layers - 1);
   double pivot[ANHYST_LAYERS_MAX];
   double right[ANHYST_LAYERS_MAX];
   double inner[ANHYST_LAYERS_MAX]; /* coupling between a section and the next deeper section */
   for (int j = layers - 1; j >= first_unknown(problem); j--) {
     inner[j] = solid * problem->field_slope[j] / problem->area_fraction[j];
     pivot[j] =
-        inner[j] +
-        (j > 0 ? solid * (eddy_slope + problem->field_slope[j - 1] / problem->area_fraction[j - 1])
-               : problem->iron->laminated_fraction * problem->field_slope[layers] +
-                     problem->circuit->gap_ratio / ANHYST_MU0);
+        inner[j] + (j > 0 ? solid * (problem->eddy_slope[j] +
+                                     problem->field_slope[j - 1] / problem->area_fraction[j - 1])
+                          : problem->iron->laminated_fraction * problem->field_slope[layers] +
+                                problem->circuit->gap_ratio / ANHYST_MU0);
     right[j] = -residual[j];
     if (j + 1 < layers) {
       pivot[j] -= inner[j] * inner[j] / pivot[j + 1];
@@ -227,7 +227,7 @@ static anhyst_status solve_sections(layer_problem *problem, double *section)
                                                                        : ANHYST_NOT_CONVERGED;
 }
 
-/* Sets the fractions of the cross-section, and starts the search at the fluxes of the state. */
+/* Sets the effect of the eddy currents, and starts the search at the fluxes of the state. */
 static void init_layer_problem(layer_problem *problem, double *section)
 {
   const anhyst_iron_f64 *iron = problem->iron;
@@ -235,8 +235,7 @@ static void init_layer_problem(layer_problem *problem, double *section)
   for (int j = iron->layers - 1; j >= 0; j--) {
     double x;
     double m;
-    problem->area_fraction[j] =
-        j == 0 ? iron->surface_fraction : (1.0 - iron->surface_fraction) / (iron->layers - 1);
+    problem->eddy_slope[j] = iron->diffusion_fraction[j] * problem->circuit->eddy;
     iron->law->read(iron->parameters, &problem->state[j], &x, &m);
     flux += problem->area_fraction[j] * anhyst_flux_from_f64(iron, x, m);
     problem->start_flux[j] = flux;
@@ -248,7 +247,8 @@ anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron, const anhys
                                         const anhyst_circuit_f64 *circuit, double drive,
                                         anhyst_reaction_f64 *reaction)
 {
-  layer_problem problem = {iron, state, circuit, drive, 0, {0}, {0}, reaction, {0}, {0}};
+  layer_problem problem = {iron, state, circuit,  drive, 0,  iron->area_fraction,
+                           {0},  {0},   reaction, {0},   {0}};
   double section[ANHYST_LAYERS_MAX];
   if (!are_inputs_finite(circuit, drive)) {
     return ANHYST_OUT_OF_RANGE;
@@ -266,7 +266,8 @@ anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron, const anhys
                                         const anhyst_circuit_f64 *circuit, double flux,
                                         anhyst_reaction_f64 *reaction)
 {
-  layer_problem problem = {iron, state, circuit, 0.0, 1, {0}, {0}, reaction, {0}, {0}};
+  layer_problem problem = {iron, state, circuit,  0.0, 1,  iron->area_fraction,
+                           {0},  {0},   reaction, {0}, {0}};
   double section[ANHYST_LAYERS_MAX];
   if (!are_inputs_finite(circuit, flux)) {
     return ANHYST_OUT_OF_RANGE;

@@ -23,13 +23,15 @@ extern "C" {
    with several layers is solid: its field diffuses from the surface inwards (layers.c). */
 typedef struct {
   const anhyst_law_f64 *law;
-  const void *parameters;  /* parameters of the law */
-  double saturation;       /* unit of the magnetisation in the law, A/m */
-  double shape;            /* unit of the effective field in the law, A/m */
-  double interaction;      /* mean-field parameter alpha, below 1 */
-  double state_scale;      /* scale of the numbers in a state: reference of tolerances */
-  int layers;              /* number of layers; 1: uniform field */
-  double surface_fraction; /* cross-section fraction of the first layer, above 0; 1: single layer */
+  const void *parameters; /* parameters of the law */
+  double saturation;      /* unit of the magnetisation in the law, A/m */
+  double shape;           /* unit of the effective field in the law, A/m */
+  double interaction;     /* mean-field parameter alpha, below 1 */
+  double state_scale;     /* scale of the numbers in a state: reference of tolerances */
+  int layers;             /* number of layers; 1: uniform field */
+  double area_fraction[ANHYST_LAYERS_MAX];      /* cross-section fraction of each layer */
+  double diffusion_fraction[ANHYST_LAYERS_MAX]; /* fraction of gamma outside each layer, from the
+                                                   next layer outwards; 0 at the surface */
   double laminated_fraction; /* part of the flux path without eddy currents, 0 to below 1 */
   /* Eddy circuit of a core with one layer, anhyst_iron_eddy_circuit_f64. */
   double leaky_fraction; /* part of the eddy currents in a ring with leakage flux, 0 to 1 */
@@ -67,10 +69,13 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
 anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells_f64 *cells,
                                        double interaction);
 
-/* Sets the number of layers of a core, 1 (initial value) to ANHYST_LAYERS_MAX. A state then
-   consists of the hysteresis states of all layers, from the surface inwards, and of the laminated
-   part. If the circuit has no eddy field, all layers have the same field, and the core behaves as
-   one with a single layer. Returns ANHYST_OK or ANHYST_BAD_PARAMETER. */
+/* Sets the number of layers of a core, 1 (initial value) to ANHYST_LAYERS_MAX. The thickness of the
+   layers is a geometric series: the surface has the given fraction of the cross-section, above 0,
+   and is the thinnest layer below 1/layers. The eddy currents between two layers are proportional
+   to the distance of their middles. A state then consists of the hysteresis states of all layers,
+   from the surface inwards, and of the laminated part. If the circuit has no eddy field, all layers
+   have the same field, and the core behaves as one with a single layer. Returns ANHYST_OK or
+   ANHYST_BAD_PARAMETER. */
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
                                      double laminated);
 
