@@ -80,6 +80,9 @@ def identify(
     cpu_times: dict[str, float] = {}
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
+    can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
+    loops = spread_equal_times(loops) if can_fit_rate else loops
+    speeds = group_by_speed(loops) if can_fit_rate else None
 
     def fit_static(static_loops: Loops, previous_outcome: Outcome | None) -> Outcome:
         """Find the model of loops of one speed; with a previous outcome, continue its fit."""
@@ -96,7 +99,7 @@ def identify(
         run = SearchRun(
             form=make_response_form(static_loops.input, static_loops.output, law_name),
             shapes=cells,
-            needs_cells=law != AUTO,
+            needs_cells=law != AUTO or speeds is not None,
             records=make_fit_records(static_loops, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
@@ -117,9 +120,7 @@ def identify(
             else outcome
         )
 
-    can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
-    loops = spread_equal_times(loops) if can_fit_rate else loops
-    outcome = _fit_all_speeds(loops, fit_static, group_by_speed(loops) if can_fit_rate else None)
+    outcome = _fit_all_speeds(loops, fit_static, speeds)
     lag = describe_coil_lag(loops)
     warnings = [*plausibility_warnings, *([lag] if lag else []), *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
