@@ -31,7 +31,7 @@ from anhyst.identification.model_building import make_model, make_response_form,
 from anhyst.identification.model_selection import MIN_SAMPLES_PER_PARAMETER, make_outcome, select_model
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
-from anhyst.identification.rate import MAX_ERROR_RATIO, fit_rate, remove_rate_effect
+from anhyst.identification.rate import MAX_ERROR_RATIO, continue_rate_fit, fit_rate, remove_rate_effect
 from anhyst.identification.run import MAX_SEARCH_SAMPLES, IdentifyResult, Outcome, SearchRun
 from anhyst.identification.space import SERIES_MAPS
 from anhyst.identification.uncertainty import (
@@ -233,17 +233,20 @@ def _fit_all_speeds(
     rate_fit = fit_rate(outcome.model, loops, speeds)
     if not rate_fit.model.has_eddy_currents:
         return replace(static(loops, None), rate_reason=rate_fit.reason)
+    first_outcome = outcome
     for _ in range(MAX_RATE_CORRECTIONS):
         static_loops = remove_rate_effect(rate_fit.model, outcome.model, speeds.slow)
         if static_loops is None:
             break
-        corrected_outcome = static(static_loops, None)
-        corrected_fit = fit_rate(corrected_outcome.model, loops, speeds)
+        corrected_outcome = static(static_loops, None if outcome is first_outcome else outcome)
+        corrected_fit = continue_rate_fit(rate_fit, corrected_outcome.model, loops, speeds)
         error_ratio = corrected_fit.error / rate_fit.error
         if error_ratio < 1.0:
             rate_fit, outcome = corrected_fit, corrected_outcome
         if error_ratio > MAX_ERROR_RATIO:
             break
+    if outcome is not first_outcome:
+        rate_fit = min(rate_fit, fit_rate(outcome.model, loops, speeds), key=lambda fit: fit.error)
     uncertainty = rate_fit.add_to_uncertainty(outcome.uncertainty)
     return replace(outcome, model=rate_fit.model, uncertainty=uncertainty, rate_reason=rate_fit.reason)
 

@@ -24,7 +24,6 @@ from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
-
 MAX_ERROR_RATIO = 0.9
 """Largest error with layers for which they are accepted, relative to the error of the static model
 or of fewer layers."""
@@ -63,6 +62,7 @@ class RateFit:
 
     model: Model  # the model with layers or a lag; unchanged if they do not help
     reason: str  # reason why the rate dependence was accepted or rejected, as a sentence
+    rate: _RateParameters | None = None  # the fitted parameters; None without a rate dependence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
     error: float = (
         np.inf
@@ -226,9 +226,22 @@ class _RateProblem:
         fastest_paths = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths)
         drive = max(float(np.ptp(path.drive)) for path in fastest_paths)
+        self.model, self.fastest_rate = model, speeds.fastest_rate
         self.fastest_angular_rate = 2.0 * np.pi * speeds.fastest_rate
         self.gamma_scale = drive / (self.fastest_angular_rate * density)
         self.excess_scale = drive / np.sqrt(self.fastest_angular_rate * density)
+
+    def make_fit(self, rate: _RateParameters, log_gamma_std: float, reason: str) -> RateFit:
+        """Return the static model with fitted rate parameters."""
+        model = replace(
+            self.model,
+            parameters={**self.model.parameters, "gamma": rate.gamma},
+            layers=rate.layers,
+            eddy_circuit=rate.eddy_circuit,
+            dynamics=replace(self.model.dynamics or Dynamics(), fastest=self.fastest_rate),
+        )
+        error = mean_error([*self.groups, self.slow_paths], rate)
+        return RateFit(model, reason, rate, log_gamma_std, error)
 
     def make_folds(self) -> list[_Fold]:
         """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
@@ -317,43 +330,40 @@ def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
     all fast loops is selected, but a form with more parameters or layers only for a smaller error by
     a tenth.
     """
-    static_model, model = model, _with_series_reluctance(model)
-    problem = _RateProblem(model, speeds, largest_output(loops))
+    problem = _RateProblem(_with_series_reluctance(model), speeds, largest_output(loops))
     folds = problem.make_folds()
     static_rate = _RateParameters(_RateForm(), (-np.inf,))
     static_error = _geometric_mean(mean_error(withheld_paths, static_rate) for _, withheld_paths in folds)
+    largest_withheld_error = MAX_ERROR_RATIO * static_error
     candidates: list[_Candidate] = []
     for form in FORMS:
         candidate = _try_form(problem, folds, form)
-        if not candidates:
-            largest_withheld_error = min(MAX_ERROR_RATIO * static_error, candidate.withheld_error / MAX_ERROR_RATIO)
+        if form == FORMS[0]:
+            lag_error = candidate.withheld_error / MAX_ERROR_RATIO
+            largest_withheld_error = min(largest_withheld_error, lag_error)
         if candidate.withheld_error <= largest_withheld_error:
             candidates.append(candidate)
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if not candidates:
-        return RateFit(
-            static_model,
-            f"layers do not improve the fit of fast loops: the error of the static model is {static_text}",
-        )
+        reason = f"no rate dependence improves the fit of fast loops: the error of the static model is {static_text}"
+        return RateFit(model, reason)
     chosen = candidates[0]
     for candidate in candidates[1:]:
         if candidate.error < MAX_ERROR_RATIO * chosen.error:
             chosen = candidate
-    rate = chosen.rate
-    rate_model = replace(
-        model,
-        parameters={**model.parameters, "gamma": rate.gamma},
-        layers=rate.layers,
-        eddy_circuit=rate.eddy_circuit,
-        dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
-    )
     reason = (
-        f"{rate.form}: the error at the fast loops is {100.0 * chosen.error:.2g} % of full scale, at "
+        f"{chosen.rate.form}: the error at the fast loops is {100.0 * chosen.error:.2g} % of full scale, at "
         f"withheld loops {100.0 * chosen.withheld_error:.2g} %; the error of the static model there is {static_text}"
     )
-    return RateFit(
-        rate_model, reason, chosen.log_gamma_std, mean_error([*problem.groups, problem.slow_paths], rate)
-    )
+    return problem.make_fit(chosen.rate, chosen.log_gamma_std, reason)
+
+
+def continue_rate_fit(rate_fit: RateFit, model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
+    """Fit the form of an earlier fit again, with another static model."""
+    assert rate_fit.rate is not None
+    problem = _RateProblem(_with_series_reluctance(model), speeds, largest_output(loops))
+    rate, std = problem.fit(problem.groups, rate_fit.rate.form, rate_fit.rate)
+    return problem.make_fit(rate, std, rate_fit.reason)
 
 
 @dataclass(frozen=True)
