@@ -205,9 +205,7 @@ class _SeriesBranch:
         unit = self.magnet.ring_field / self.magnet.delay
         return unit * field, unit / permeance
 
-    def _keep(
-        self, field: float, stack: list[tuple[float, float, float]], reluctances: FloatArray
-    ) -> None:
+    def _keep(self, field: float, stack: list[tuple[float, float, float]], reluctances: FloatArray) -> None:
         for index, (known, permeance, gain) in enumerate(stack):
             self.kept_densities[index] += gain * field
             inner_density = known + permeance * field
@@ -238,10 +236,7 @@ def _parts_of(magnet: RateMagnet) -> list[_Part]:
     if magnet.kind == "rod and plate":
         rod = _Part.rod(pole, pole_length, pole_area, magnet.diffusion)
         return [rod, _Part.plate(yoke, yoke_length, yoke_area, 2.0 * magnet.diffusion)]
-    return [
-        _Part.laminated(pole, pole_length, pole_area),
-        _Part.laminated(yoke, yoke_length, yoke_area),
-    ]
+    return [_Part.laminated(pole, pole_length, pole_area), _Part.laminated(yoke, yoke_length, yoke_area)]
 
 
 def _make_series_magnet(magnet: RateMagnet) -> _Step:

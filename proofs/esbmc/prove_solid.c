@@ -48,10 +48,10 @@ static void any_tick(solid_tick *tick, anhyst_compensator *c)
   tick->is_flux_given = nondet_i16() != 0;
   tick->layers = layer_count(words);
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
-  tick->diffusion_slope = any_within(1, ANHYST_Q30_ONE);
   tick->coupling_slope = read_coupling_slope(words);
   for (int16_t i = 0; i < ANHYST_MEMORIES; i++) {
     tick->area_fraction[i] = (int16_t)any_within(MIN_AREA_FRACTION, ANHYST_Q15_MAX);
+    tick->diffusion_slope[i] = any_within(1, ANHYST_Q31_MAX);
     tick->field_slope[i] = any_within(1, ANHYST_Q31_MAX);
   }
 }
@@ -92,7 +92,8 @@ static void prove_owed_flux(void)
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  const int32_t owed = outstanding_flux(words, nondet_i32(), MAX_OUTSTANDING_FLUX);
+  const int32_t owed =
+      outstanding_flux(tick.diffusion_slope[1], nondet_i32(), MAX_OUTSTANDING_FLUX);
   SHOW(owed >= -MAX_OUTSTANDING_FLUX && owed <= MAX_OUTSTANDING_FLUX);
   (void)are_equations_solved(&tick);
 }

@@ -66,6 +66,8 @@ static inline double word_as_number(int word)
     return 0.0;
   case ANHYST_WORD_SOLID_SURFACE:
   case ANHYST_WORD_SOLID_LAMINATED:
+  case ANHYST_WORD_SOLID_SECOND:
+  case ANHYST_WORD_SOLID_THIRD:
   case ANHYST_WORD_CURRENT_LOW:
   case ANHYST_WORD_CURRENT_HIGH:
     return words[word] / 32768.0;

@@ -17,6 +17,8 @@ static void fill_block(int layers, int shift, int laminated)
   words[ANHYST_WORD_SOLID_HOLD_SHIFT] = (int16_t)shift;
   words[ANHYST_WORD_SOLID_OWN] = -200;
   words[ANHYST_WORD_SOLID_SURFACE] = 8192;
+  words[ANHYST_WORD_SOLID_SECOND] = (int16_t)(layers > 2 ? 9000 : 0);
+  words[ANHYST_WORD_SOLID_THIRD] = (int16_t)(layers > 3 ? 9500 : 0);
   words[ANHYST_WORD_SOLID_LAMINATED] = (int16_t)laminated;
   fill_real_words();
   fixed_start();

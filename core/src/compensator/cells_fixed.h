@@ -195,10 +195,10 @@ static inline number read_diffusion_slope(const entry *words)
   return (number)words[ANHYST_WORD_SOLID_HOLD] << words[ANHYST_WORD_SOLID_HOLD_SHIFT];
 }
 
-static inline entry inner_area_fraction(entry surface, int layers)
-{
-  return (entry)((32768 - surface) / layers);
-}
+/* Returns 1 - f for a positive fraction. */
+static inline entry complement(entry f) { return (entry)(32768 - f); }
+
+static inline number at_least_one_lsb(number slope) { return slope > 1 ? slope : 1; }
 
 static inline number times_fraction(number a, entry f)
 {
@@ -288,11 +288,13 @@ static inline int is_residual_small(number residual, number slope)
 }
 
 /* Converts a residual to the outstanding flux of a layer and all deeper layers, -most..most. */
-static inline number outstanding_flux(const entry *words, number residual, number most)
+static inline number outstanding_flux(number diffusion_slope, number residual, number most)
 {
-  const int32_t inverse = ANHYST_Q31_MAX / words[ANHYST_WORD_SOLID_HOLD];
+  const uint16_t up = anhyst_headroom(diffusion_slope);
+  const uint16_t shift = up < 16U ? (uint16_t)(16U - up) : 0U;
+  const int32_t inverse = ANHYST_Q31_MAX / (diffusion_slope >> shift);
   const int32_t flux = anhyst_shl_q31(multiply_by_slope(residual, inverse), 1);
-  return anhyst_clamp(flux >> words[ANHYST_WORD_SOLID_HOLD_SHIFT], -most, most);
+  return anhyst_clamp(flux >> shift, -most, most);
 }
 
 /* Sets the coefficients of the equation coupling_slope*f + x = field - line_slope*(f - flux),
@@ -318,8 +320,6 @@ static inline int are_solid_words_valid(const entry *words)
   return is_integer(words[ANHYST_WORD_SOLID_HOLD], 1, ANHYST_Q15_MAX) &&
          is_integer(words[ANHYST_WORD_SOLID_HOLD_SHIFT], 0, 15) &&
          is_integer(words[ANHYST_WORD_SOLID_OWN], -ANHYST_Q15_MAX, 0) &&
-         is_integer(words[ANHYST_WORD_SOLID_SURFACE], MIN_AREA_FRACTION,
-                    32768 - 3 * MIN_AREA_FRACTION) &&
          is_integer(words[ANHYST_WORD_SOLID_LAMINATED], 0, ANHYST_Q15_MAX);
 }
 #endif

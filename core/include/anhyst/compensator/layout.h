@@ -89,6 +89,11 @@ enum {
   /* table, weight: current for a flux that rises by 1.0 per tick (0: no table and no lag), over the
      gap */
   ANHYST_WORD_GAP_LAG_ARM = 27,
+  /* q15: fraction of gap_lag_arm for the flux inside a ring with leakage flux (0: no ring) */
+  ANHYST_WORD_LAG_LEAKY = 28,
+  /* q15: fraction of its distance from the flux that the flux inside the ring moves in a tick (0
+     only without a ring) */
+  ANHYST_WORD_LAG_FOLLOW = 29,
 
   /* Kind full: the Jiles-Atherton law with its exact step. The unit of fields is X, the largest
      field of the tables. */
@@ -158,7 +163,8 @@ enum {
   /* Solid core: layers of the law with diffusion between them. Each tick is one time step. */
   /* 0..4: number of layers, 2 to 4; 0: laminated core (then all further words are 0) */
   ANHYST_WORD_SOLID_LAYERS = 38,
-  /* weight: field between two layers for a flux that rises by 1.0 per tick */
+  /* weight: field between two layers for a flux that rises by 1.0 per tick, times their fractions
+     of the cross-section */
   ANHYST_WORD_SOLID_HOLD = 39,
   ANHYST_WORD_SOLID_HOLD_SHIFT = 40, /* 0..15: shift of solid_hold */
   /* weight: field for a flux of 1.0 in a layer, added to the field of the law */
@@ -166,6 +172,11 @@ enum {
   ANHYST_WORD_SOLID_SURFACE = 42, /* q15: fraction of the cross-section in the first layer */
   /* q15: fraction of the flux path in which the field is uniform */
   ANHYST_WORD_SOLID_LAMINATED = 43,
+  /* q15: fraction of the cross-section in the second layer (0 for two layers; the innermost layer
+     has the rest) */
+  ANHYST_WORD_SOLID_SECOND = 44,
+  /* q15: fraction of the cross-section in the third layer (0 for two or three layers) */
+  ANHYST_WORD_SOLID_THIRD = 45,
 
   /* Kind play: a map of the current with one play operator. This block can be longer than those of
      the other kinds. */

@@ -15,7 +15,7 @@
 #endif
 
 /* Version at the start of a saved state. */
-#define ANHYST_SAVED_VERSION 1U
+#define ANHYST_SAVED_VERSION 2U
 
 /* Size of a type in words of 16 bits. */
 #define ANHYST_WORDS_OF(type) (sizeof(type) * CHAR_BIT / 16U)

@@ -43,12 +43,18 @@ static int are_limits_valid(const entry *words, int16_t low, int16_t high)
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
-/* Returns whether the table of the eddy-current lag over the gap is valid, or does not exist. The
-   sum of the lag coefficient and the flux coefficient saturates. */
-static int is_lag_table_valid(const entry *words)
+/* Returns whether the table of the eddy-current lag over the gap is valid, or does not exist, and
+   whether a ring follows the flux. The sum of the lag coefficient and the flux coefficient
+   saturates. */
+static int is_lag_valid(const entry *words)
 {
-  return words[ANHYST_WORD_GAP_LAG_ARM] == 0 ||
-         is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0);
+  const entry leaky = words[ANHYST_WORD_LAG_LEAKY];
+  if (words[ANHYST_WORD_GAP_LAG_ARM] == 0) {
+    return leaky == 0 && words[ANHYST_WORD_LAG_FOLLOW] == 0;
+  }
+  return is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0) && is_in_range(leaky, 0, ENTRY_ONE) &&
+         is_in_range(words[ANHYST_WORD_LAG_FOLLOW], 0, ENTRY_ONE) &&
+         (leaky > 0) == (words[ANHYST_WORD_LAG_FOLLOW] > 0);
 }
 
 static int are_common_words_valid(const entry *words)
@@ -67,8 +73,8 @@ static int are_common_words_valid(const entry *words)
          is_table_over_gap(words, ANHYST_WORD_GAP_OFFSET, -MAX_ENTRY) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_BIAS, -MAX_ENTRY) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, -MAX_ENTRY) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, MIN_WEIGHT) &&
-         is_lag_table_valid(words) && are_scales_valid(words);
+         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, MIN_WEIGHT) && is_lag_valid(words) &&
+         are_scales_valid(words);
 }
 
 static anhyst_status check_block(const kernel_type *kernel, const entry *words, uint32_t capacity)

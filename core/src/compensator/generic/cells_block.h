@@ -128,7 +128,7 @@ static int are_layers_valid(const entry *words)
            does_sum_rise_with_field(words, words[ANHYST_WORD_SOLID_OWN], QUARTER_WEIGHT);
   }
 #endif
-  for (int i = ANHYST_WORD_SOLID_LAYERS; i <= ANHYST_WORD_SOLID_LAMINATED; i++) {
+  for (int i = ANHYST_WORD_SOLID_LAYERS; i <= ANHYST_WORD_SOLID_THIRD; i++) {
     if (words[i] != 0) {
       return 0;
     }

@@ -193,10 +193,8 @@ static inline number read_diffusion_slope(const entry *words)
   return words[ANHYST_WORD_SOLID_HOLD];
 }
 
-static inline entry inner_area_fraction(entry surface, int layers)
-{
-  return ((entry)1 - surface) / (entry)layers;
-}
+static inline entry complement(entry f) { return (entry)1 - f; }
+static inline number at_least_one_lsb(number slope) { return slope; }
 
 static inline number times_fraction(number a, entry f) { return a * f; }
 static inline number multiply_by_slope(number a, number slope) { return a * slope; }
@@ -239,9 +237,9 @@ static inline int is_residual_small(number residual, number slope)
   return absolute(residual) <= NUMBER_EPS * ((number)256 + (number)16 * slope);
 }
 
-static inline number outstanding_flux(const entry *words, number residual, number most)
+static inline number outstanding_flux(number diffusion_slope, number residual, number most)
 {
-  return clamp(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);
+  return clamp(residual / diffusion_slope, -most, most);
 }
 
 /* Sets the coefficients of the equation coupling_slope*f + x = field - line_slope*(f - flux),
@@ -261,10 +259,8 @@ static inline int are_solid_words_valid(const entry *words)
 {
   const entry hold = words[ANHYST_WORD_SOLID_HOLD];
   const entry own = words[ANHYST_WORD_SOLID_OWN];
-  const entry surface = words[ANHYST_WORD_SOLID_SURFACE];
   const entry laminated = words[ANHYST_WORD_SOLID_LAMINATED];
-  return hold > 0 && hold <= (entry)16384 && own >= (entry)-0.5 && own <= 0 &&
-         surface >= MIN_AREA_FRACTION && surface <= (entry)1 - (entry)3 * MIN_AREA_FRACTION &&
-         laminated >= 0 && laminated < 1;
+  return hold > 0 && hold <= (entry)16384 && own >= (entry)-0.5 && own <= 0 && laminated >= 0 &&
+         laminated < 1;
 }
 #endif

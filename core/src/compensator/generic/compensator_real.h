@@ -58,6 +58,7 @@ static number bias_from_table(number over_gap) { return over_gap; }
 static number limit_bias(number bias) { return bias; }
 static number add_coefficients(number a, number b) { return a + b; }
 static number multiply(number a, number weight) { return a * weight; }
+static number multiply_fraction(number a, number fraction) { return a * fraction; }
 static number add(number a, number b) { return a + b; }
 static number subtract(number a, number b) { return a - b; }
 static number word_to_signal(number word) { return word; }

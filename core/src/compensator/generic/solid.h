@@ -4,7 +4,8 @@
    j of N has the fraction phi_j of the cross-section, the flux density f_j and the field E_j. S_j
    is the flux in layer j and all deeper layers:
 
-     E_j = x_j + own*f_j,   E_{j-1} = E_j + hold*(S_j - S_j,before),   j = 2..N
+     E_j = x_j + own*f_j,   E_{j-1} = E_j + hold_j*(S_j - S_j,before),   j = 2..N
+     hold_j = hold*(phi_{j-1} + phi_j): proportional to the distance between the middles of layers
      current = bias + flux_arm*F + field_arm*(l*E_l(F) + (1 - l)*E_1 - own*F),   F = S_1
 
    Each pass goes from the surface to the middle and back. On the way in, the circuit outside of
@@ -18,6 +19,9 @@
    pass checks its result. One pass is sufficient if no layer leaves its segment. If the flux jumps
    within a tick, tangents may alternate between two solutions without converging. Therefore, later
    passes use the secant slope between two distant positions of a layer. */
+
+/* Maximum number of layers of a block. */
+#define MAX_LAYERS 4
 
 /* Maximum number of passes, and number of the first passes, which use only tangents. */
 #define MAX_PASSES 10
@@ -38,22 +42,22 @@
 /* All layers in one tick, from the surface inwards, followed by the laminated part. */
 typedef struct {
   compensator *c;
-  int is_flux_given;                    /* whether the flux is given; otherwise the current */
-  int uses_secants;                     /* whether slopes are secants between two positions */
-  number target;                        /* given flux, or given current without its bias */
-  number diffusion_slope;               /* field between two layers for a flux change */
-  number coupling_slope;                /* field of a flux in its own layer, <= 0 */
-  number reluctance;                    /* field over flux of the circuit outside of the core */
-  number field_per_current;             /* 1/(field coefficient*(1 - laminated)) */
-  int layers;                           /* N */
-  entry laminated;                      /* l */
-  entry area_fraction[ANHYST_MEMORIES]; /* phi_j */
-  number start_flux[ANHYST_MEMORIES];   /* S_j at the start of the tick */
-  number section_flux[ANHYST_MEMORIES]; /* S_j */
-  number flux[ANHYST_MEMORIES];         /* flux density of each layer */
-  number field[ANHYST_MEMORIES];        /* E_j, E_l */
-  number field_slope[ANHYST_MEMORIES];  /* dE_j/dS_j, and dE_l/dF */
-  number residual[ANHYST_MEMORIES];     /* residual field between two layers */
+  int is_flux_given;                       /* whether the flux is given; otherwise the current */
+  int uses_secants;                        /* whether slopes are secants between two positions */
+  number target;                           /* given flux, or given current without its bias */
+  number diffusion_slope[ANHYST_MEMORIES]; /* hold_j: field outside a layer for a flux change */
+  number coupling_slope;                   /* field of a flux in its own layer, <= 0 */
+  number reluctance;                       /* field over flux of the circuit outside of the core */
+  number field_per_current;                /* 1/(field coefficient*(1 - laminated)) */
+  int layers;                              /* N */
+  entry laminated;                         /* l */
+  entry area_fraction[ANHYST_MEMORIES];    /* phi_j */
+  number start_flux[ANHYST_MEMORIES];      /* S_j at the start of the tick */
+  number section_flux[ANHYST_MEMORIES];    /* S_j */
+  number flux[ANHYST_MEMORIES];            /* flux density of each layer */
+  number field[ANHYST_MEMORIES];           /* E_j, E_l */
+  number field_slope[ANHYST_MEMORIES];     /* dE_j/dS_j, and dE_l/dF */
+  number residual[ANHYST_MEMORIES];        /* residual field between two layers */
 } solid_tick;
 
 /* Load line of a section: the field from the circuit outside of the section, which decreases as the
@@ -150,20 +154,39 @@ static void start_search(solid_tick *tick, int layer)
   tick->field_slope[layer] = known_slope > 0 ? known_slope : field_slope_of(tick, layer);
 }
 
+/* Sets the fractions of the cross-section, and the slopes between the layers. The innermost layer
+   has the rest of the cross-section. */
+static void set_layer_thickness(solid_tick *tick)
+{
+  const entry *words = tick->c->words;
+  const number hold = read_diffusion_slope(words);
+  const int middle = tick->layers - 1;
+  entry rest = complement(words[ANHYST_WORD_SOLID_SURFACE]);
+  tick->area_fraction[0] = words[ANHYST_WORD_SOLID_SURFACE];
+  for (int j = 1; j < middle; j++) {
+    tick->area_fraction[j] = words[ANHYST_WORD_SOLID_SECOND + j - 1];
+    rest = (entry)(rest - tick->area_fraction[j]);
+  }
+  tick->area_fraction[middle] = rest;
+  for (int j = 1; j <= middle; j++) {
+    tick->diffusion_slope[j] =
+        at_least_one_lsb(sum(times_fraction(hold, tick->area_fraction[j - 1]),
+                             times_fraction(hold, tick->area_fraction[j])));
+  }
+}
+
 /* Sets the flux of each section, and the start of each layer's search. */
 static void init_solid_tick(solid_tick *tick, compensator *c)
 {
   const entry *words = c->words;
-  const entry surface = words[ANHYST_WORD_SOLID_SURFACE];
   const int layers = layer_count(words);
   number section_flux = 0;
   tick->c = c;
   tick->layers = layers;
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
-  tick->diffusion_slope = read_diffusion_slope(words);
   tick->coupling_slope = read_coupling_slope(words);
+  set_layer_thickness(tick);
   for (int j = layers - 1; j > 0; j--) {
-    tick->area_fraction[j] = inner_area_fraction(surface, layers - 1);
     start_search(tick, j);
     section_flux = add_layer_flux(tick, j, section_flux);
     tick->section_flux[j] = section_flux;
@@ -172,7 +195,6 @@ static void init_solid_tick(solid_tick *tick, compensator *c)
     }
     tick->start_flux[j] = c->deeper[j - 1].start_flux;
   }
-  tick->area_fraction[0] = surface;
   start_search(tick, 0);
   tick->section_flux[0] = add_layer_flux(tick, 0, section_flux);
   if (tick->laminated > 0) {
@@ -249,9 +271,10 @@ static load_line load_line_below_layer(const solid_tick *tick, int layer, load_l
     below.slope = times_fraction(line.slope, fraction);
   }
   const number change = difference(tick->section_flux[layer + 1], tick->start_flux[layer + 1]);
+  const number diffusion_slope = tick->diffusion_slope[layer + 1];
   below.field =
-      difference(below.field, multiply_by_slope(to_coarse_field(change), tick->diffusion_slope));
-  below.slope = sum(below.slope, tick->diffusion_slope);
+      difference(below.field, multiply_by_slope(to_coarse_field(change), diffusion_slope));
+  below.slope = sum(below.slope, diffusion_slope);
   return below;
 }
 
@@ -345,9 +368,9 @@ static int are_equations_solved(solid_tick *tick)
   for (int j = 1; j < tick->layers; j++) {
     const number change = difference(tick->section_flux[j], tick->start_flux[j]);
     const number field_drop = difference(tick->field[j - 1], tick->field[j]);
-    tick->residual[j] = difference(field_drop, multiply_by_slope(change, tick->diffusion_slope));
+    tick->residual[j] = difference(field_drop, multiply_by_slope(change, tick->diffusion_slope[j]));
     if (!is_residual_small(tick->residual[j],
-                           sum(tick->field_slope[j - 1], tick->diffusion_slope))) {
+                           sum(tick->field_slope[j - 1], tick->diffusion_slope[j]))) {
       result = 0;
     }
   }
@@ -369,7 +392,7 @@ static void solve_layers(solid_tick *tick)
   }
   for (int j = 1; j < tick->layers; j++) {
     tick->c->deeper[j - 1].next_flux_deficit =
-        outstanding_flux(tick->c->words, tick->residual[j], MAX_OUTSTANDING_FLUX);
+        outstanding_flux(tick->diffusion_slope[j], tick->residual[j], MAX_OUTSTANDING_FLUX);
   }
   for (int j = 1; j < state_count(tick->c->words); j++) {
     tick->c->deeper[j - 1].stiffness = tick->field_slope[j];
@@ -458,8 +481,35 @@ static void solid_transfer_state(compensator *c, const entry *words, number flux
   }
 }
 
+/* Returns whether each layer has at least the smallest fraction of the cross-section. Unused words
+   must be 0. */
+static int are_area_fractions_valid(const entry *words)
+{
+  const int layers = layer_count(words);
+  entry rest = words[ANHYST_WORD_SOLID_SURFACE];
+  if (!(rest >= (entry)MIN_AREA_FRACTION && rest <= complement((entry)MIN_AREA_FRACTION))) {
+    return 0;
+  }
+  rest = complement(rest);
+  for (int j = 1; j < MAX_LAYERS - 1; j++) {
+    const entry fraction = words[ANHYST_WORD_SOLID_SECOND + j - 1];
+    if (j < layers - 1) {
+      if (!(fraction >= (entry)MIN_AREA_FRACTION &&
+            fraction <= (entry)(rest - (entry)MIN_AREA_FRACTION))) {
+        return 0;
+      }
+      rest = (entry)(rest - fraction);
+    } else if (fraction != 0) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
 static int are_solid_layers_valid(const entry *words)
 {
-  return is_integer(words[ANHYST_WORD_SOLID_LAYERS], 2, ANHYST_MEMORIES) &&
-         state_count(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);
+  return is_integer(words[ANHYST_WORD_SOLID_LAYERS], 2,
+                    ANHYST_MEMORIES < MAX_LAYERS ? ANHYST_MEMORIES : MAX_LAYERS) &&
+         state_count(words) <= ANHYST_MEMORIES && are_solid_words_valid(words) &&
+         are_area_fractions_valid(words);
 }

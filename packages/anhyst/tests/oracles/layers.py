@@ -27,8 +27,11 @@ class SolidIron:
 
     def forward(self, drive: FloatArray, rho: float, eddy: float) -> FloatArray:
         """Return the flux density of a record from the demagnetised state, T."""
-        shares = np.full(self.count, (1.0 - self.surface) / (self.count - 1))
-        shares[0] = self.surface
+        exponents = np.arange(self.count)
+        ratio = brentq(lambda r: self.surface * np.sum(r**exponents) - 1.0, 0.0, 1.0 / self.surface)
+        shares = self.surface * ratio**exponents
+        distances = 0.5 * (shares[1:] + shares[:-1])
+        falls = eddy * distances / distances.sum()
         states = [self.iron.demagnetised for _ in range(self.count)]
         sheets = self.iron.demagnetised
         before = np.zeros(self.count)
@@ -43,7 +46,7 @@ class SolidIron:
                     field[j] = now
                     deeper += shares[j] * self._density(states[j], now)  # noqa: B023
                     section[j] = deeper
-                    now += eddy / (self.count - 1) * (deeper - before[j])  # noqa: B023
+                    now += falls[j - 1] * (deeper - before[j]) if j else 0.0  # noqa: B023
                 return field, section
 
             def in_sheets(density: float) -> float:

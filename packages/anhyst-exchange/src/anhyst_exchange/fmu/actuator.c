@@ -91,13 +91,13 @@ static int build(void *tables)
   if (build_law(built) != 0) {
     return -1;
   }
-#if ACTUATOR_MEMORIES > 1
-  return anhyst_iron_layers_f64(&built->iron, ACTUATOR_MEMORIES - 1, ACTUATOR_SURFACE,
+#if ACTUATOR_LAYERS > 1
+  return anhyst_iron_layers_f64(&built->iron, ACTUATOR_LAYERS, ACTUATOR_SURFACE,
                                 ACTUATOR_LAMINATED) == ANHYST_OK
              ? 0
              : -1;
 #else
-  return 0;
+  return anhyst_iron_eddy_circuit_f64(&built->iron, ACTUATOR_EDDY_CIRCUIT) == ANHYST_OK ? 0 : -1;
 #endif
 }
 

@@ -165,8 +165,9 @@ class BodyRig:
         if self.model_path is None:
             return None
         law = read_model(self.model_path)
-        if law.layers is not None:
-            text = f"{self.model_path}: a virtual magnet cannot have layers; remove [layers]"
+        if law.layers is not None or law.eddy_circuit is not None:
+            name = "layers" if law.layers is not None else "eddy_circuit"
+            text = f"{self.model_path}: a virtual magnet cannot have {name}; remove [{name}]"
             raise InputError(text, code="layers-not-in-plant", key="model")
         if law.needs_fixed_gap or not law.needs_schedule or law.power != 2:
             raise InputError(

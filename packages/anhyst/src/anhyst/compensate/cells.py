@@ -25,6 +25,7 @@ FIELD_MARGIN = 1.02
 """Largest field of the table rows, relative to the largest field for allowed currents."""
 
 SOLID_FIELD_MARGIN = 2.0
+AREA_WORDS = ("SOLID_SURFACE", "SOLID_SECOND", "SOLID_THIRD")
 """Field margin for a solid core, where the field at the surface is ahead of the mean field."""
 
 ZONE_EXPONENTS = range(6)
@@ -216,9 +217,7 @@ def _pack_layers(packer: Packer, layers: Layers, rate_field: float, alpha_field:
     packer.put_weight("SOLID_HOLD", max(rate_field, 1.0 / WEIGHT_UNIT), "gamma")
     packer.put_integer("SOLID_LAYERS", layers.count)
     packer.put_number("SOLID_OWN", alpha_field / 4.0, "alpha")
-    surface = layers.surface
-    if packer.is_fixed:  # the fractions of all layers must add up to 1
-        inner_share = round((1.0 - surface) / (layers.count - 1) * 32768)
-        surface = 1.0 - inner_share * (layers.count - 1) / 32768
-    packer.put_number("SOLID_SURFACE", surface, "surface")
+    # The innermost layer has the rest of the cross-section.
+    for name, fraction in zip(AREA_WORDS, layers.area_fractions[:-1].tolist(), strict=False):
+        packer.put_number(name, fraction, "surface")
     packer.put_number("SOLID_LAMINATED", layers.laminated, "laminated")

@@ -15,6 +15,7 @@ import numpy as np
 
 from anhyst.compensate.block import TableSizes
 from anhyst.model.actuator import Model
+from anhyst.model.dynamics import EddyCircuit
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -111,12 +112,46 @@ def current_coefficients(model: Model, gaps: FloatArray) -> CurrentCoefficients:
     )
 
 
-def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> FloatArray | None:
-    """Return the current for a flux that rises by 1 in a tick, at each gap; None without a lag.
+@dataclass(frozen=True)
+class LagCoefficients:
+    """Coefficients of a compensator for the eddy currents of iron without layers."""
 
-    ``c_H*(I - in_0) = H + rho*B/mu0 + gamma*dB/dt``, with the derivative as a backward difference.
+    current: FloatArray  # current for a flux that rises by 1 in a tick, at each gap; shape (n,)
+    leaky: float  # fraction of this current for the flux inside a ring with leakage flux
+    follow: float  # fraction of its distance from the flux that the flux inside moves in a tick
+
+
+def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> LagCoefficients | None:
+    """Return the coefficients of the eddy currents at several gaps; None without a lag.
+
+    ``c_H*(I - in_0) = H + rho*B/mu0 + gamma*((1 - f)*dB/dt + f*dZ/dt)``, ``T*dZ/dt = B - Z``, with
+    derivatives as backward differences. An excess loss becomes a lag (:func:`lag_of_excess`).
     """
     if model.layers is not None or not model.has_eddy_currents:
         return None
     gamma, c_h = (model.interpolate_parameter(name, gaps) for name in ("gamma", "c_H"))
-    return np.asarray(gamma * rate * flux_unit(model) / c_h)
+    circuit = model.eddy_circuit or EddyCircuit()
+    free = (1.0 - circuit.leaky) * gamma * rate + lag_of_excess(model) * rate
+    follow = 1.0 / (1.0 + circuit.delay * rate)
+    leaky = circuit.leaky * gamma * rate * follow
+    return LagCoefficients(
+        current=np.asarray((free + leaky) * flux_unit(model) / c_h),
+        leaky=float(np.max(leaky / (free + leaky))),
+        follow=follow,
+    )
+
+
+def lag_of_excess(model: Model) -> float:
+    """Return the lag that replaces an excess loss, A s/(m T); 0 without an excess loss.
+
+    The field is that of the excess loss at a third of the rate of the flux density in a full cycle
+    at the highest validated rate.
+    """
+    circuit, dynamics, valid = model.eddy_circuit, model.dynamics, model.valid
+    if circuit is None or circuit.excess == 0.0 or dynamics is None or valid is None:
+        return 0.0
+    gaps = np.array([valid.schedule[0]]) if valid.schedule is not None else None
+    ends = np.array(valid.output)
+    flux, _ = model.circuit(None if gaps is None else np.repeat(gaps, 2), np.zeros(2)).flux_density(ends)
+    rate = 2.0 * dynamics.fastest * float(np.ptp(flux)) / 3.0
+    return circuit.excess / float(np.sqrt(rate)) if rate > 0.0 else 0.0

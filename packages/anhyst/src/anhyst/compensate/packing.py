@@ -232,12 +232,15 @@ class BlockFrame:
     def layer_fields(self, layers: Layers) -> tuple[float, float]:
         """Return the field in a layer, A/m: for a flux change of 1 in a tick, and for a flux of 1.
 
-        A tick is one implicit step of the diffusion equation. As in :func:`current_coefficients`,
-        ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)`` in a layer.
+        A tick is one implicit step of the diffusion equation. The first field is that between two
+        layers, divided by the sum of their fractions of the cross-section. As in
+        :func:`current_coefficients`, ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)`` in a layer.
         """
         iron, unit, rate = (iron_parameters(self.model), flux_unit(self.model), self.conditioning.rate)
         alpha = iron["alpha"]
-        rate_field = iron["gamma"] * rate / (layers.count - 1) * unit * (1.0 - alpha)
+        fractions = layers.area_fractions
+        depth = 1.0 - 0.5 * (fractions[0] + fractions[-1])  # between the first and the last middle
+        rate_field = iron["gamma"] * rate / (2.0 * depth) * unit * (1.0 - alpha)
         return rate_field, -alpha * unit / MU_0
 
     def make_block(
@@ -248,7 +251,10 @@ class BlockFrame:
         self._pack_signals(packer)
         self._pack_flux(packer, law.offset)
         lag = None if is_static else lag_coefficient(self.model, self.gaps, self.conditioning.rate)
-        self._pack_coefficients(packer, *law.coefficients, lag)
+        self._pack_coefficients(packer, *law.coefficients, None if lag is None else lag.current)
+        if lag is not None and lag.leaky > 0.0:
+            packer.put_number("LAG_LEAKY", lag.leaky, "gamma", min_word=1)
+            packer.put_number("LAG_FOLLOW", lag.follow, "gamma", min_word=1)
         law.pack(packer)
         block = packer.make_block(self.scales, self.limits)
         try:

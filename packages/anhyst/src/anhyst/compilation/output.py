@@ -205,6 +205,11 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
             "the eddy-current lag (gamma) is not compiled: fast demands are compensated like slow ones, "
             f"and anhyst predict with a column t_s shows the remaining error{alternative_text}"
         )
+    if model.eddy_circuit is not None and model.eddy_circuit.excess > 0.0:
+        notes.append(
+            "the excess loss is compiled as a lag, which is equal at a third of the highest validated "
+            "rate: the row 'rate' of the budget states the error"
+        )
     if dynamics is not None and dynamics.lag > 0.0:
         notes.append(f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time")
     if dynamics is not None and dynamics.times:

@@ -147,6 +147,7 @@ def _compared_settings(model: Model) -> dict[str, Value]:
         "law": model.law,
         "cells": str(model.cells) if model.cells else None,
         "layers": str(model.layers) if model.layers else None,
+        "eddy_circuit": str(model.eddy_circuit) if model.eddy_circuit else None,
         "gap_map": model.gap_map,
         "history": str(model.history),
         "schedule": schedule.column if schedule else None,

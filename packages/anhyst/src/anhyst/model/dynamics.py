@@ -9,10 +9,12 @@ A sample is held until the next one, so each ``s_j`` depends on earlier samples 
 inverse can subtract the creep from the demand, solve for ``B``, and then update the creep states.
 
 Solid iron consists of ``N`` layers between which the field diffuses. Layer ``j``, counted from the
-surface, has a fraction ``phi_j`` of the cross-section and its own field ``H_j``. ``S_j`` is the
-flux in layer ``j`` and all deeper layers, divided by the whole cross-section::
+surface, has a fraction ``phi_j`` of the cross-section and its own field ``H_j``. The fractions are
+a geometric series. ``S_j`` is the flux in layer ``j`` and all deeper layers, divided by the whole
+cross-section. ``d_j`` is the distance between the middles of two layers, divided by that of the
+first and the last layer::
 
-    H_(j-1) = H_j + gamma/(N - 1) * dS_j/dt,    j = 2..N
+    H_(j-1) = H_j + d_j*gamma * dS_j/dt,    j = 2..N
     c_H(gap) * (input - in_0) = l*H_l + (1 - l)*H_1 + rho(gap)*B/mu0,    B = S_1
 
 A fraction ``l`` of the flux path is laminated, without eddy currents; its field is ``H_l``. At
@@ -129,6 +131,7 @@ def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> F
 
 
 MAX_LAYERS = 16
+_RATIO_BISECTIONS = 80
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,18 @@ class Layers:
             if is_wrong:
                 text = f"model layers: {key} is {getattr(self, key):g}; give a number {range_text}"
                 raise InputError(text, code="out-of-range", key=key)
+
+    @property
+    def area_fractions(self) -> FloatArray:
+        """Fraction of the cross-section of each layer: a geometric series from the surface."""
+        exponents = np.arange(self.count)
+        low, high = 0.0, 1.0 / self.surface
+        for _ in range(_RATIO_BISECTIONS):
+            ratio = 0.5 * (low + high)
+            is_too_small = self.surface * np.sum(ratio**exponents) < 1.0
+            low, high = (ratio, high) if is_too_small else (low, ratio)
+        fractions = self.surface * low**exponents
+        return np.asarray(fractions / fractions.sum())
 
     @property
     def state_copies(self) -> int:

@@ -232,8 +232,8 @@ class ModelData:
 
     @property
     def has_lag(self) -> bool:
-        """Whether eddy currents are a single lag, which every kind of compensator supports."""
-        return self.has_eddy_currents and self.layers is None and self.eddy_circuit is None
+        """Whether eddy currents are those of one layer, which every kind of compensator supports."""
+        return self.has_eddy_currents and self.layers is None
 
     @property
     def has_layers(self) -> bool:
@@ -350,7 +350,9 @@ class ModelData:
         gamma = self.parameters["gamma"]
         if isinstance(gamma, tuple) or not gamma > 0.0 or self.layers is not None:
             raise InputError(
-                "an eddy circuit needs one gamma above 0 and no layers", code="out-of-range", key="eddy_circuit"
+                "an eddy circuit needs one gamma above 0 and no layers",
+                code="out-of-range",
+                key="eddy_circuit",
             )
         return self.eddy_circuit.core_settings(gamma)
 

@@ -16,7 +16,7 @@ from anhyst.laws import LAWS, get_law
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
 from anhyst.model import schema
-from anhyst.model.dynamics import Dynamics, Layers
+from anhyst.model.dynamics import Dynamics, EddyCircuit, Layers
 from anhyst.model.model_data import ModelData
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.support.atomic import PathLike
@@ -111,7 +111,9 @@ class _Reader:
             yield
         except InputError as error:
             text = str(error).removeprefix(f"model {key}: ")
-            self.file.add_problem((key, error.key) if key == "layers" else (key,), text, code=error.code)
+            self.file.add_problem(
+                (key, error.key) if key in {"layers", "eddy_circuit"} else (key,), text, code=error.code
+            )
         except ValueError as error:
             self.file.add_problem((key,), str(error), code="cells-out-of-range")
 
@@ -230,7 +232,7 @@ class _Reader:
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
-        dynamics, layers, dynamics_table = None, None, table.dynamics
+        dynamics, layers, eddy_circuit, dynamics_table = None, None, None, table.dynamics
         with self._collect_table_error("history"):
             history = History.parse(table.history)
         if dynamics_table is not None:
@@ -240,6 +242,9 @@ class _Reader:
         if table.layers is not None:
             with self._collect_table_error("layers"):
                 layers = Layers(**dict(table.layers))
+        if table.eddy_circuit is not None:
+            with self._collect_table_error("eddy_circuit"):
+                eddy_circuit = EddyCircuit(**dict(table.eddy_circuit))
         self._raise_if_problems()
         model = kind(
             name=table.name,
@@ -262,6 +267,7 @@ class _Reader:
             cells=cells,
             dynamics=dynamics,
             layers=layers,
+            eddy_circuit=eddy_circuit,
         )
         with self._collect_table_error("parameters"):
             for node in model.nodes if model.needs_fixed_gap else (None,):

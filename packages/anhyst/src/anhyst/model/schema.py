@@ -296,6 +296,14 @@ class LayersTable(Table):
     laminated: FiniteFloat = 0.0
 
 
+class EddyCircuitTable(Table):
+    """``[eddy_circuit]``: leakage flux and excess loss of the eddy currents."""
+
+    leaky: FiniteFloat = 0.0
+    delay: FiniteFloat = 0.0
+    excess: FiniteFloat = 0.0
+
+
 class ModelTable(Table):
     """The whole file, with keys without units."""
 
@@ -312,6 +320,7 @@ class ModelTable(Table):
     cells: CellsTable | None = None
     dynamics: DynamicsTable | None = None
     layers: LayersTable | None = None
+    eddy_circuit: EddyCircuitTable | None = None
     valid: ValidRange | None = None
     fit: FitFigures | None = None
     uncertainty: Uncertainty | None = None

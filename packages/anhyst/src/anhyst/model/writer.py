@@ -57,6 +57,10 @@ LAYERS_COMMENT = """
 # Solid iron: the number of layers, between which the field diffuses (gamma above); the share of the
 # section in the layer at the surface; and the share of the path in sheets, which respond at once.
 """
+EDDY_CIRCUIT_COMMENT = """
+# Eddy currents of iron with a uniform field: the fraction of gamma in a ring with leakage flux, the
+# delay of the flux inside the ring, and the excess field at a rate of the flux density of 1 T/s.
+"""
 VALID_COMMENT = """
 # Smallest and largest measured values. Outside, results are computed and flagged.
 """
@@ -120,6 +124,9 @@ def model_text(model: ModelData) -> str:
         surface_share, laminated_share = float(layers.surface), float(layers.laminated)
         table = {"count": layers.count, "surface": surface_share, "laminated": laminated_share}
         sections.append(f"{LAYERS_COMMENT}[layers]\n" + _keys_text(table))
+    if circuit := model.eddy_circuit:
+        table = {"leaky": circuit.leaky, "delay_s": circuit.delay, "excess_A_per_m": circuit.excess}
+        sections.append(f"{EDDY_CIRCUIT_COMMENT}[eddy_circuit]\n" + _keys_text(table))
     if model.valid:
         sections.append(f"{VALID_COMMENT}[valid]\n" + _record_text(model.valid, names["valid",]))
     if model.fit:

@@ -135,6 +135,8 @@ def _speed_row(subject: ModelSubject, measurements: Measurements, group: Sequenc
 def _corner_text(model: Model) -> str:
     """Return a sentence about the frequency above which eddy currents widen the modelled loops."""
     layers_text = f"cut into {model.layers.count} layers" if model.layers else "one layer, a lag of the flux"
+    if model.eddy_circuit is not None:
+        layers_text = f"one layer with an eddy circuit ({model.eddy_circuit})"
     corner, uncertainty, share = (rate_corner(model), model.uncertainty, format_percent(VISIBLE_HEIGHT_SHARE))
     if corner is None:
         return (
