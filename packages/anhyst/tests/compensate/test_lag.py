@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anhyst._core import FixedCompensator
 from anhyst.compensate.budget import measure_budget
-from anhyst.compensate.force_controller import SignalFormat, make_twin
+from anhyst.compensate.force_controller import FixedTwin, SignalFormat, make_twin
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
+from anhyst.compilation.output import list_omissions
 from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Dynamics, EddyCircuit
 from tests.actuators import magnet
 from tests.compensate.test_solid import magnet as cell_magnet
 from tests.compilation.test_compile import measured
@@ -36,11 +39,11 @@ def plan_of(model: Model, io: SignalFormat, kind: str = "full") -> Plan:
     return make_plan(model, CompileRequest(kind, io, RATE, accuracy=2.0), 0)  # type: ignore[arg-type]
 
 
-def worst_error(plan: Plan, block: object, frequency: float) -> float:
+def worst_error(plan: Plan, block: object, frequency: float, amplitude: float = 0.6) -> float:
     """Return the worst force error of a wave from rest at one gap, % of the largest force."""
     ticks = int(3 * RATE / frequency)
     wave = 0.5 - 0.5 * np.cos(2.0 * np.pi * frequency * np.arange(ticks) / RATE)
-    demand = plan.block.limits.demand[1] * (0.05 + 0.6 * wave)
+    demand = plan.block.limits.demand[1] * (0.05 + amplitude * wave)
     gap = np.full(ticks, float(np.mean(plan.model.nodes)))
     current = make_twin(block, plan.request.io).run(demand, gap)  # type: ignore[arg-type]
     late = plan.builder.dynamic_model
@@ -68,6 +71,46 @@ def test_play_cells_and_the_simplified_law_follow_a_lag_too() -> None:
         followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.static_block))
         assert still > slow + 2.0
         assert followed < slow + 0.2 * (still - slow)
+
+
+def leaky_cells(excess: float = 0.0) -> Model:
+    """Return a play-cell magnet with a ring that has a leakage flux."""
+    late = late_cells()
+    return replace(late, eddy_circuit=EddyCircuit(0.8, 2e-3, excess), dynamics=Dynamics(fastest=100.0))
+
+
+@pytest.mark.parametrize("io", FORMATS)
+def test_a_ring_with_leakage_flux_is_followed(io: SignalFormat) -> None:
+    plan = plan_of(leaky_cells(), io)
+    without_leakage = plan_of(replace(leaky_cells(), eddy_circuit=None), io)
+    followed, still, lagging = (
+        worst_error(plan, block, 100.0, 0.3)
+        for block in (plan.block, plan.static_block, without_leakage.block)
+    )
+    assert still > 2.0
+    assert followed < 0.2 * still
+    assert followed < 0.5 * lagging
+
+
+def test_an_excess_loss_is_compiled_as_a_lag_and_the_omission_is_stated() -> None:
+    plan = plan_of(leaky_cells(20.0), "f32")
+    followed, still = (worst_error(plan, block, 100.0, 0.3) for block in (plan.block, plan.static_block))
+    assert followed < 0.5 * still
+    assert any("excess loss" in note for note in list_omissions(leaky_cells(20.0), has_layers=True))
+
+
+def test_the_flux_inside_the_ring_survives_a_swap_while_the_flux_rises() -> None:
+    block = plan_of(leaky_cells(), "q31").block
+    twin = FixedTwin(block)
+    ramp = block.limits.demand[1] * (0.05 + 0.3 * np.arange(400) / 400)
+    codes = twin.demand_codes(ramp)
+    gaps = twin.gap_codes(np.full(ramp.size, 4e-4), ramp.size)
+    undisturbed, swapped = (FixedCompensator(block.kind, block.words) for _ in range(2))
+    for core in (undisturbed, swapped):
+        core.run(codes[:200], gaps[:200], False)
+    swapped.swap(block.words)
+    expected, found = (core.run(codes[200:], gaps[200:], False) for core in (undisturbed, swapped))
+    assert found / 2.0**31 == pytest.approx(expected / 2.0**31, abs=1e-3)
 
 
 def test_at_rest_a_lag_changes_no_current() -> None:

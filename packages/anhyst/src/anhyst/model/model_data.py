@@ -340,7 +340,7 @@ class ModelData:
     def _iron(self, schedule: float) -> IronOperator:
         gap, law = np.array([schedule]), self.operator_law
         values = (float(self.interpolate_parameter(spec.name, gap)[0]) for spec in law.parameters)
-        return _cached_iron(law, self.layers or self._core_eddy_circuit, *values)
+        return _cached_iron(law, self._core_eddy_circuit or self.layers, *values)
 
     @property
     def _core_eddy_circuit(self) -> tuple[float, float, float] | None:

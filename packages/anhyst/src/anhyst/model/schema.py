@@ -398,6 +398,10 @@ def section_names(
             "creep_times": ("creep_times", "creep_times_s"),
             "fastest": ("fastest", "fastest_Hz"),
         },
+        ("eddy_circuit",): {
+            "delay": ("delay", column("delay", "s")),
+            "excess": ("excess", column("excess", "A/m")),
+        },
         ("valid",): ranges,
         ("fit",): deviations,
         ("fit", "loop"): deviations | schedule_name,
