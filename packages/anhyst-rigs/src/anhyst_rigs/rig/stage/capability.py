@@ -33,6 +33,8 @@ from anhyst_rigs.rig.stage.geometry import (
 
 _MIN_COMPONENT = 1e-6
 """Smallest component of a unit wrench, or of a certificate, that differs from rounding errors."""
+_MAX_CONDITION = 1000.0
+"""Largest accepted condition number. Above it, errors of the plant exceed the weakest wrench."""
 _ALLOCATION_STEPS = 500
 """Number of wrenches in each direction for which the allocation is tested."""
 _FACTOR_TOLERANCE = 1.01
@@ -186,6 +188,12 @@ def capability_faults(rig: BodyRig) -> Iterator[FileFault]:
         text = f"{'; '.join(texts)}; turn a magnet, add one, or move them"
         yield FileFault(("magnet",), text, code="axis-not-held")
         return
+    condition, axis = capability.singular_values()
+    if condition > _MAX_CONDITION or not _has_allocation(file):
+        text = f"these magnets are nearly singular: condition number {condition:.3g}, at most "
+        text += f"{_MAX_CONDITION:g} is accepted; they push least along {axis}: move them apart, or turn one"
+        yield FileFault(("magnet",), text, code="axis-not-held")
+        return
     limit_text = _describe_limit(file, capability)
     if capability.weight.any():
         least, largest = capability.factor_range(-capability.weight)
@@ -202,6 +210,15 @@ def capability_faults(rig: BodyRig) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="load-too-large")
         return
     yield from _scan_faults(rig, limit_text)
+
+
+def _has_allocation(file: RigFile) -> bool:
+    """Whether the controller accepts the layout of the magnets."""
+    try:
+        wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
+    except ValueError:
+        return False
+    return True
 
 
 def _scan_faults(rig: BodyRig, limit_text: str) -> Iterator[FileFault]:
