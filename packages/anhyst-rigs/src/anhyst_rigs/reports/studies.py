@@ -90,7 +90,7 @@ def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo
     """Simulate drifted plants, beginning after the results that the file already contains."""
     task.require_suffix(".jsonl", "results of a Monte Carlo study are")
     figures, files = task.out.parent / MONTE_CARLO_NAME, kind.files(task.rig, task.controller)
-    for path in (figures, task.report_path):
+    for path in (task.out, figures, task.report_path):
         check_writable(path, files)
     setup_progress, run_progress = split_progress(task.progress, (1.0, 4.0))
     sampled_plants = kind.plants(task.rig, task.controller, setup_progress)

@@ -135,7 +135,9 @@ def _refuse_unallocated(setup: StageSetup) -> None:
         make_axes_controller(setup)
     except ValueError as error:
         rig, condition = setup.rig, make_capability(setup.rig).singular_values()[0]
-        text = f"magnet: nearly singular in {setup.number_format}, condition number {condition:.3g}; move the "
+        text = (
+            f"magnet: nearly singular in {setup.number_format}, condition number {condition:.3g}; move the "
+        )
         text += "magnets apart" + ("" if setup.number_format == "fixed" else ", or compile with --io q31")
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="magnet") from error
 
