@@ -53,20 +53,15 @@ class Capability:
     radii: FloatArray  # radius of gyration of each rotation, m; 1 for a displacement
     forces: FloatArray  # largest force of each magnet, N
 
-    def factor_range(self, wrench: FloatArray, constant: FloatArray | None = None) -> tuple[float, float]:
-        """Return the smallest and the largest factor of a wrench that the drives can apply.
-
-        The drives apply the constant wrench in addition. The range is (inf, -inf) if it is empty.
-        """
-        equalities = np.column_stack([self.rows.T, -wrench])
-        bounds = [*zip(self.low, self.high, strict=True), (0.0, None)]
-        target = np.zeros(len(wrench)) if constant is None else constant
-        ends = []
-        for sign in (1.0, -1.0):
-            cost = np.append(np.zeros(len(self.rows)), sign)
-            solution = linprog(cost, A_eq=equalities, b_eq=target, bounds=bounds)
-            ends.append(float(solution.x[-1]) if solution.status == 0 else sign * np.inf)
-        return ends[0], ends[1]
+    def largest_factor(self, wrench: FloatArray, constant: FloatArray | float = 0.0) -> float:
+        """Return the largest factor of a wrench that the drives apply with a constant one, or -inf."""
+        solution = linprog(
+            np.append(np.zeros(len(self.rows)), -1.0),
+            A_eq=np.column_stack([self.rows.T, -wrench]),
+            b_eq=np.broadcast_to(constant, wrench.shape),
+            bounds=[*zip(self.low, self.high, strict=True), (0.0, None)],
+        )
+        return float(solution.x[-1]) if solution.status == 0 else -np.inf
 
     def singular_values(self) -> tuple[float, str]:
         """Return the condition number of the drives, and the coordinate that they push least.
@@ -104,9 +99,11 @@ class Capability:
         return literal_texts or sorted(other_texts, key=len)[:1]
 
     def describe_shortage(self) -> str:
-        """Return a text about the smallest missing wrench if no forces hold the body."""
+        """Return a text about the smallest missing wrench if no forces hold the body, or ''."""
         bounds = [*zip(self.low, self.high, strict=True)]
         missing, _ = _find_missing_wrench(self.rows, bounds, -self.weight)
+        if np.abs(missing).sum() < _MIN_COMPONENT:
+            return ""
         axis = int(np.abs(missing).argmax())
         unit = "N m" if self.axes[axis].startswith("r") else "N"
         amount = abs(missing[axis]) * self.radii[axis]
@@ -167,7 +164,7 @@ def largest_wrench_factor(rig: BodyRig, wrench: FloatArray, *, is_allocated: boo
     """
     file, capability = rig.settings, make_capability(rig)
     push = scaled_wrenches(file, wrench[None, :])[0]
-    possible = min(capability.factor_range(way, -capability.weight)[1] for way in (push, -push))
+    possible = min(capability.largest_factor(way, -capability.weight) for way in (push, -push))
     if not is_allocated or possible <= 0.0:
         return max(possible, 0.0)
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
@@ -196,17 +193,16 @@ def capability_faults(rig: BodyRig) -> Iterator[FileFault]:
         return
     limit_text = _describe_limit(file, capability)
     if capability.weight.any():
-        least, largest = capability.factor_range(-capability.weight)
-        if least <= largest < 1.0:
+        largest = capability.largest_factor(-capability.weight)
+        if 0.0 <= largest < 1.0:
             text = f"the body weighs {file.body.weight_N:.4g} N, but the magnets can carry "
             text += f"{largest * file.body.weight_N:.4g} N at this centre of mass, {limit_text}; "
             text += "lower it, or add a magnet"
             yield FileFault(file.key_path(file.body, "mass_kg"), text, code="load-too-large")
             return
-    zero = np.zeros(len(capability.axes))
-    if capability.factor_range(zero, -capability.weight)[0] == np.inf:
+    if shortage := capability.describe_shortage():
         text = f"no forces of at least {file.tracking.force_min_N:g} N, {limit_text}, hold the body and "
-        text += f"its weight: {capability.describe_shortage()}; lower force_min_N, or move a magnet"
+        text += f"its weight: {shortage}; lower force_min_N, or move a magnet"
         yield FileFault(("magnet",), text, code="load-too-large")
         return
     yield from _scan_faults(rig, limit_text)
