@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,11 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.magnet_table import MagnetTable
 from anhyst_rigs.rig.stage import capability
 from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.study.tracking import compiled
 from tests.refusals import refused
 from tests.repository import ROOT
+from tests.study import bearings
 
 EXAMPLE = ROOT / "examples" / "planar" / "rig.toml"
 AXES = ["x", "y", "z", "rx", "ry", "rz"]
@@ -288,3 +291,14 @@ def test_the_condition_number_bounds_a_nearly_singular_layout(tmp_path: Path) ->
     assert axis == "rx"
     with refused("axis-not-held magnet: nearly singular; condition number; least along rx"):
         Stage(above_on_a_line(1e-4), AXES, push=2.0).read(tmp_path)
+
+
+def test_a_layout_that_single_precision_cannot_share_is_not_compiled(tmp_path: Path) -> None:
+    lines: list[Line] = [((0.0, y, 0.0), (way, 0.0, 0.0)) for y in (0.1, 0.104) for way in (1.0, -1.0)]
+    lines += [((0.0, 0.0, 0.0), (0.0, way, 0.0)) for way in (1.0, -1.0)]
+    setup = make_stage(
+        Stage(lines, ["x", "y", "rz"], mass=5.0, push=1.0).read(tmp_path), bearings.knowledge(), "full"
+    )
+    compiled.refuse_unallocated(replace(setup, number_format="f64"))
+    with refused("not-compilable magnet: nearly singular in f32, condition number; or compile with --io q31"):
+        compiled.refuse_unallocated(replace(setup, number_format="f32"))

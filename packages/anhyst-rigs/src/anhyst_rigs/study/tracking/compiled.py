@@ -78,7 +78,7 @@ def compile_stage(
     setup = replace(
         make_stage(compiled_rig(rig), identify_stage_magnet(rig), request.kind), number_format=number_format
     )
-    _refuse_unallocated(setup)
+    refuse_unallocated(setup)
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, request.kind, out, request.name or c_name(rig.settings.name))
@@ -129,7 +129,7 @@ def _refuse_uncompilable(rig: BodyRig, io: SignalFormat, rate: float | None) -> 
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibrate")
 
 
-def _refuse_unallocated(setup: StageSetup) -> None:
+def refuse_unallocated(setup: StageSetup) -> None:
     """Raise an error if the number format is too coarse for the layout of the magnets."""
     try:
         make_axes_controller(setup)
