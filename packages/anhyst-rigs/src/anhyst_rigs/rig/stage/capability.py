@@ -98,12 +98,12 @@ class Capability:
             other_texts.append(f"{text}and nothing balances this")
         return literal_texts or sorted(other_texts, key=len)[:1]
 
-    def describe_shortage(self) -> str:
-        """Return a text about the smallest missing wrench if no forces hold the body, or ''."""
+    def describe_shortage(self) -> str | None:
+        """Return a text about the smallest missing wrench, or None if forces hold the body."""
         bounds = [*zip(self.low, self.high, strict=True)]
         missing, _ = _find_missing_wrench(self.rows, bounds, -self.weight)
         if np.abs(missing).sum() < _MIN_COMPONENT:
-            return ""
+            return None
         axis = int(np.abs(missing).argmax())
         unit = "N m" if self.axes[axis].startswith("r") else "N"
         amount = abs(missing[axis]) * self.radii[axis]
@@ -225,16 +225,15 @@ def _scan_faults(rig: BodyRig, limit_text: str) -> Iterator[FileFault]:
     )
     for key in ("train_m_per_s2", "test_m_per_s2"):
         required = file.body.mass_kg * max(getattr(file.scan, key))
-        text = f"{file.body.mass_kg:g} kg need {required:.4g} N, but "
+        required_text = f"{file.body.mass_kg:g} kg need {required:.4g} N along the set-point"
         if required > _FACTOR_TOLERANCE * possible:
-            text += f"the magnets can apply {possible:.4g} N along the set-point in both directions in "
+            text = f"{required_text}, but the magnets can apply {possible:.4g} N in both directions in "
             text += f"addition to the weight, {limit_text}; lower it"
+            yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")
         elif required > _FACTOR_TOLERANCE * allocated:
-            text += f"the controller finds forces for only {allocated:.4g} N along the set-point in "
-            text += f"addition to the weight, although the magnets can apply {possible:.4g} N; move a magnet"
-        else:
-            continue
-        yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")
+            text = f"{required_text}, but the controller finds forces for only {allocated:.4g} N, "
+            text += f"although the magnets can apply {possible:.4g} N; lower it, or move a magnet"
+            yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")
 
 
 def _describe_limit(file: RigFile, capability: Capability) -> str:

@@ -291,8 +291,8 @@ class Shard:
         """Return a shard, such as 2/8, of a run with a number of plants and a results file."""
         part, _, parts = text.partition("/")
         if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts) <= count):
-            text = f"'{text}' is not a part of {count} plants; give I/N, such as 2/8"
-            raise wrong_key("--shard", text, code="bad-shard")
+            fault = f"'{text}' is not a part of {count} plants; give I/N, such as 2/8"
+            raise wrong_key("--shard", fault, code="bad-shard")
         shard_path = path.with_name(f"{path.stem}.{int(part)}-of-{int(parts)}{path.suffix}")
         return cls(range(int(part) - 1, count, int(parts)), shard_path)
 
