@@ -43,7 +43,7 @@ _FACTOR_TOLERANCE = 1.01
 
 @dataclass(frozen=True)
 class Capability:
-    """The drives of a stage, and the wrenches that they can apply."""
+    """The drives of a stage, and the wrenches that they can apply. All wrenches are scaled."""
 
     axes: tuple[str, ...]
     rows: FloatArray  # scaled wrench of each drive for 1 N, one row per drive
@@ -73,30 +73,32 @@ class Capability:
         return float(values[0] / values[-1]), self.axes[int(np.abs(directions[-1]).argmax())]
 
     def missing_directions(self) -> list[str]:
-        """Return a text for each direction of a coordinate in which no magnet pushes.
+        """Return a text for each direction in which no magnet pushes, or one for coupled directions.
 
-        If all directions have a magnet, the result is a text about a direction in which no forces
-        push alone, or empty. The forces have no upper limit here, and the weight also pushes.
+        The forces have no upper limit here, and the weight also pushes.
         """
         lengths = np.linalg.norm(self.rows, axis=1, keepdims=True)
         rows = np.vstack([self.rows / np.where(lengths > 0.0, lengths, 1.0), self.weight])
         bounds = [*((0.0 if low >= 0.0 else None, None) for low in self.low), (0.0, None)]
-        literal_texts, other_texts = [], []
-        for axis, sign in ((axis, sign) for axis in range(len(self.axes)) for sign in (1.0, -1.0)):
-            missing, certificate = _find_missing_wrench(rows, bounds, sign * np.eye(len(self.axes))[axis])
-            if np.abs(missing).sum() < _MIN_COMPONENT:
-                continue
-            pushes = np.where(self.low < 0.0, np.abs(rows[:-1, axis]), sign * rows[:-1, axis])
-            name, others = _direction_name(self.axes[axis], sign), []
-            if pushes.max() < _MIN_COMPONENT:
-                literal_texts.append(f"no magnet pushes along {name}")
-                continue
-            for other, component in enumerate(certificate):
-                if other != axis and abs(component) > _MIN_COMPONENT:
-                    others.append(_direction_name(self.axes[other], -component))
-            text = f"all magnets that push along {name} also push along {' or '.join(others)}, "
-            other_texts.append(f"{text}and nothing balances this")
-        return literal_texts or sorted(other_texts, key=len)[:1]
+        pushes = np.vstack([rows, -rows[:-1][self.low < 0.0]])
+        directions = np.vstack([np.eye(len(self.axes)), -np.eye(len(self.axes))])
+        uncovered = [way for way in directions if (pushes @ way).max() < _MIN_COMPONENT]
+        if uncovered:
+            return [f"no magnet pushes along {self._name_directions(way)}" for way in uncovered]
+        for way in directions:
+            missing, certificate = _find_missing_wrench(rows, bounds, way)
+            if np.abs(missing).sum() > _MIN_COMPONENT:
+                coupled = self._name_directions(np.where(way == 0.0, -certificate, 0.0))
+                text = f"all magnets that push along {self._name_directions(way)} also push along {coupled}"
+                return [f"{text}, and nothing balances this"]
+        return []
+
+    def _name_directions(self, wrench: FloatArray) -> str:
+        """Return the signs and coordinates of the components of a wrench."""
+        components = zip(self.axes, wrench.tolist(), strict=True)
+        return " or ".join(
+            f"{'-+'[value > 0.0]}{axis}" for axis, value in components if abs(value) > _MIN_COMPONENT
+        )
 
     def describe_shortage(self) -> str | None:
         """Return a text about the smallest missing wrench, or None if forces hold the body."""
@@ -107,7 +109,8 @@ class Capability:
         axis = int(np.abs(missing).argmax())
         unit = "N m" if self.axes[axis].startswith("r") else "N"
         amount = abs(missing[axis]) * self.radii[axis]
-        return f"{amount:.3g} {unit} are missing along {_direction_name(self.axes[axis], missing[axis])}"
+        name = self._name_directions(np.where(np.arange(missing.size) == axis, missing, 0.0))
+        return f"{amount:.3g} {unit} are missing along {name}"
 
 
 def _find_missing_wrench(
@@ -127,10 +130,6 @@ def _find_missing_wrench(
     )
     positive, negative = np.split(solution.x[len(rows) :], 2)
     return np.asarray(positive - negative), np.asarray(solution.eqlin.marginals)
-
-
-def _direction_name(axis: str, sign: float) -> str:
-    return f"{'+' if sign > 0.0 else '-'}{axis}"
 
 
 def make_capability(rig: BodyRig) -> Capability:
@@ -186,7 +185,12 @@ def capability_faults(rig: BodyRig) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="axis-not-held")
         return
     condition, axis = capability.singular_values()
-    if condition > _MAX_CONDITION or not _has_allocation(file):
+    try:
+        wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
+        is_singular = condition > _MAX_CONDITION
+    except ValueError:
+        is_singular = True
+    if is_singular:
         text = f"these magnets are nearly singular: condition number {condition:.3g}, at most "
         text += f"{_MAX_CONDITION:g} is accepted; they push least along {axis}: move them apart, or turn one"
         yield FileFault(("magnet",), text, code="axis-not-held")
@@ -206,15 +210,6 @@ def capability_faults(rig: BodyRig) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="load-too-large")
         return
     yield from _scan_faults(rig, limit_text)
-
-
-def _has_allocation(file: RigFile) -> bool:
-    """Whether the controller accepts the layout of the magnets."""
-    try:
-        wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
-    except ValueError:
-        return False
-    return True
 
 
 def _scan_faults(rig: BodyRig, limit_text: str) -> Iterator[FileFault]:
