@@ -61,7 +61,9 @@ def largest_magnet_forces(rig: BodyRig) -> FloatArray:
     """
     file = rig.settings
     gaps = np.array([magnet.gap_m or file.gap_m for magnet in file.body_magnets])
-    current = np.linspace(0.0, file.amplifier.current_high_A, _CURRENT_STEPS)
+    low_A, high_A = file.amplifier.current_low_A, file.amplifier.current_high_A
+    max_current = min(-low_A, high_A) if file.magnet.is_bidirectional else high_A
+    current = np.linspace(0.0, max_current, _CURRENT_STEPS)
     limits = {gap: rig.static_map(current, np.full(_CURRENT_STEPS, gap))[0][-1] for gap in set(gaps)}
     return np.minimum([limits[gap] for gap in gaps], file.tracking.force_max_N)
 
