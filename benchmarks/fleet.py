@@ -20,7 +20,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from anhyst.support.jobs import map_ordered, use_scheduler
+from anhyst.support import jobs
+from anhyst.support.jobs import BATCH_TIME_S, map_ordered, use_scheduler
 from anhyst_rigs.study.benefit import map_bearing_benefit
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
 from anhyst_rigs.study.fleet import fleet
@@ -41,6 +42,8 @@ SETTINGS = FleetSettings(
 )
 SHARED_DATA, SHARING_TASKS = bytes(285_000), 300
 """Data of the size that the plants of examples/planar share, and number of tasks that use them."""
+PLANT_S = 0.041
+"""Duration of a plant of a bearing, s."""
 SLEEPS_S = (0.05, 0.2, 1.0)
 SIZES = (1, 10, 100, 1000, 10_000)
 TASKS_A_WORKER = 10
@@ -210,6 +213,19 @@ def check_simulation(workers: int) -> list[Row]:
     return rows
 
 
+def measure_batches(workers: int) -> list[Row]:
+    """Compare batches of about a second with single tasks, for tasks as long as a plant of a bearing."""
+    rows, task_count = [], 200 * workers
+    with cluster(workers, in_one_process=True) as running_cluster, use_scheduler(running_cluster.address):
+        for name, batch_time in (("in batches", BATCH_TIME_S), ("one by one", 0.0)):
+            jobs.BATCH_TIME_S = batch_time
+            wall = measure_locally(lambda: map_ordered(time.sleep, [PLANT_S] * task_count)).wall_seconds
+            text = f"{task_count / wall:.0f} tasks/s, efficiency {100 * task_count * PLANT_S / workers / wall:.0f} %"
+            title = f"{task_count} tasks that sleep {PLANT_S:g} s, {workers} workers in one process, {name}"
+            rows.append(Row(title, "reported", text, None))
+    return rows
+
+
 def measure_durations(folder: Path, output_folder: Path) -> dict[str, float]:
     """Measure the processor time of one task of each study, s, for a worker alone on a core."""
     rig, controller = read_example()
@@ -256,7 +272,9 @@ def simulate_larger_clusters(tasks: dict[str, float], costs: Costs) -> list[Row]
 
 
 def rows() -> list[Row]:
-    """Return all rows about fleets."""
+    """Return all rows about fleets; all except one measure single tasks."""
+    batch_rows = measure_batches(50)
+    jobs.BATCH_TIME_S = 0.0
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder:
         output_folder = Path(folder)
         (output_folder / "magnets").mkdir()
@@ -268,6 +286,7 @@ def rows() -> list[Row]:
         *fleet_table,
         *overhead_rows,
         *measure_shared_data(),
+        *batch_rows,
         *check_simulation(50),
         *check_simulation(200),
         *simulate_larger_clusters(tasks, costs),

@@ -344,6 +344,7 @@ def test_loops_and_instruments_of_a_bidirectional_rig_are_bidirectional(
     pushing["sensor"][1] |= {"low_A": -2.0, "high_A": 5.0}
     pushing["sensor"][2]["low_N"] = -10.0
     pushing["amplifier"][0]["current_low_A"] = -1.5
+    pushing["body"][0]["mass_kg"] = 0.3  # the magnets are weak
     pushing["measurement"]["records"] = [{"name": "major", "turns": [0.0, 0.2]}]
     (tmp_path / "loops.csv").write_text((EXAMPLES / "planar" / "loops.csv").read_text("utf-8"))
     read(tmp_path, pushing)

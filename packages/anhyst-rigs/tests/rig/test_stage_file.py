@@ -102,7 +102,7 @@ def test_the_planned_motion_calibrates_the_stage(tmp_path: Path) -> None:
         ({"mass_kg = 10.0": 'mass_kg = 10.0\nfree = ["y"]'}, "missing magnet[1].direction: free in y"),
         (
             {"direction = [1.0, 0.0, 0.0]": "direction = [-1.0, 0.0, 0.0]"},
-            "load-too-large magnet: these magnets cannot hold the body",
+            "axis-not-held magnet: no magnet pushes along +x",
         ),
     ],
 )

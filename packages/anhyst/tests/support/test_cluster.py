@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support import jobs
 from anhyst.support.jobs import map_ordered, map_unordered, use_scheduler
 from tests.refusals import refused
 from tests.repository import ROOT
@@ -90,6 +91,39 @@ def test_a_lost_worker_loses_no_work_and_shared_data_is_sent_once(
 def test_a_fault_of_the_work_comes_back(cluster: tuple[str, list[subprocess.Popen[bytes]]]) -> None:
     with use_scheduler(cluster[0]), pytest.raises(ZeroDivisionError):
         map_ordered(one_over, [1, 0])
+
+
+def shortly(number: int) -> tuple[int, int]:
+    """Return the number, and the process that worked on it."""
+    time.sleep(0.02)
+    return number, os.getpid()
+
+
+def test_short_tasks_are_sent_in_batches_that_feed_every_worker(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    batches: list[int] = []
+    run_batch = jobs._run_batch
+
+    with use_scheduler(cluster[0]):
+        client = jobs._cluster_client.get()
+        client.wait_for_workers(2, timeout=120)
+        send = client.map
+
+        def count(
+            work: object, functions: list[object], inputs: list[list[int]], **options: object
+        ) -> object:
+            assert work is run_batch
+            batches.extend(map(len, inputs))
+            return send(work, functions, inputs, **options)
+
+        monkeypatch.setattr(client, "map", count)
+        results = map_ordered(shortly, range(200))
+    assert [number for number, _ in results] == [*range(200)]
+    assert len({process for _, process in results}) == 2
+    assert batches[:2] == [1, 1]
+    assert 10 < batches[2] <= 49  # a second of work is 50 inputs; four batches are 49
+    assert sum(batches) == 200
 
 
 def one_over(number: int) -> float:

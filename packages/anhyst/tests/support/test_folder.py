@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.atomic import atomic_folder, json_text, relative_path, write_files
+from anhyst.support.atomic import atomic_folder, check_folder_writable, json_text, relative_path, write_files
 from tests.refusals import refused
 
 OLD = {"kept.txt": "old", "sub/other.txt": "old"}
@@ -52,6 +52,32 @@ def test_a_failed_move_reverts_earlier_moves(tmp_path: Path) -> None:
         write_files(draft, {"a/first.txt": "new", "z": "a file of the same name as a folder"})
     assert list(contents(tmp_path / "out")) == ["z/in_the_way"]
     assert not (tmp_path / "out" / "a").exists()
+
+
+@pytest.mark.parametrize("replace", [True, False])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("file", "is-a-file: name a folder"),
+        ("file/out", "cannot-be-written ENOTDIR"),
+        ("o" * 300, "cannot-be-written ENAMETOOLONG: shorten it"),
+        ("/proc/out", "cannot-be-written: /proc/out"),
+    ],
+)
+def test_an_impossible_folder_is_refused_before_the_work(
+    tmp_path: Path, name: str, said: str, replace: bool
+) -> None:
+    (tmp_path / "file").write_text("a file")
+    with refused(said):
+        check_folder_writable(tmp_path / name, replace=replace)
+
+
+@pytest.mark.parametrize("replace", [True, False])
+@pytest.mark.parametrize("name", ["there", "new", "new/deeper"])
+def test_the_check_of_a_folder_leaves_nothing(tmp_path: Path, name: str, replace: bool) -> None:
+    (tmp_path / "there").mkdir()
+    check_folder_writable(tmp_path / name, replace=replace)
+    assert [path.name for path in tmp_path.rglob("*")] == ["there"]
 
 
 def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from anhyst_rigs.reports.study.task import MONTE_CARLO_NAME, SimulationTask
 from anhyst_rigs.study.bearing.on_board import BoardComparison
 from anhyst_rigs.study.bearing.simulate import Simulation
 from anhyst_rigs.study.benefit import AnyRig, Benefit
-from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants
+from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, Shard, merge_shards, run_numbers
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo as run_plants
 from anhyst_rigs.study.engine.table import StudyResult
 from anhyst_rigs.study.force_control import ForceControl
@@ -36,7 +36,7 @@ def study_output(result: StudyResult, summary: TerminalSummary, files_text: str)
 
 
 Simulated = Simulation | TrackingStudy | PiezoTracking | ForceControl
-Studied = Simulated | MonteCarlo | Benefit | BoardComparison
+Studied = Simulated | MonteCarlo | Shard | Benefit | BoardComparison
 
 
 class HasSimulation(Protocol):
@@ -86,15 +86,27 @@ class HasBoard(Protocol):
         """Run the firmware on a board."""
 
 
-def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo:
-    """Simulate drifted plants, beginning after the results that the file already contains."""
+def monte_carlo(
+    kind: HasPlants, task: SimulationTask, count: int, shard_text: str | None = None, merge: bool = False
+) -> MonteCarlo | Shard:
+    """Simulate drifted plants, beginning after the results that the file already contains.
+
+    With a shard, only its plants are simulated and written to its file. With `merge`, all results
+    come from the files of the shards.
+    """
     task.require_suffix(".jsonl", "results of a Monte Carlo study are")
+    shard = None if shard_text is None else Shard.parse(shard_text, count, task.out)
     figures, files = task.out.parent / MONTE_CARLO_NAME, kind.files(task.rig, task.controller)
-    for path in (figures, task.report_path):
+    for path in (task.out, figures, task.report_path) if shard is None else (shard.path,):
         check_writable(path, files)
     setup_progress, run_progress = split_progress(task.progress, (1.0, 4.0))
     sampled_plants = kind.plants(task.rig, task.controller, setup_progress)
     setup_progress(1, 1)
+    if shard is not None:
+        run_numbers(sampled_plants, shard.path, shard.numbers, run_progress)
+        return shard
+    if merge:
+        merge_shards(sampled_plants, task.out, count)
     runs = run_plants(sampled_plants, task.out, count, run_progress)
     runs.write_figures(figures)
     write_page(task.report_path, plants.render(runs, files, task.command(f" --monte-carlo {count}")))

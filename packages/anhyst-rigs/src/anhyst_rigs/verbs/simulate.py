@@ -43,6 +43,8 @@ def simulate(
     *,
     out: PathLike | None = None,
     monte_carlo: int | None = None,
+    shard: str | None = None,
+    merge: bool = False,
     benefit: bool = False,
     board: Board | None = None,
     scheduler: str | None = None,
@@ -56,6 +58,8 @@ def simulate(
     *,
     out: PathLike | None = None,
     monte_carlo: int | None = None,
+    shard: str | None = None,
+    merge: bool = False,
     benefit: bool = False,
     board: Board | None = None,
     scheduler: str | None = None,
@@ -83,6 +87,12 @@ def simulate(
         Instead, run N plants with random drift, as defined in [spread] of the rig file. FILE must
         then end in '.jsonl', and will contain one line per plant. The same command continues an
         unfinished run.
+    shard : str, ``I/N``, optional
+        With --monte-carlo, run only part I of N, for job arrays. 'plants.jsonl' becomes
+        'plants.2-of-8.jsonl' for 2/8; no other file is written.
+    merge : bool
+        With --monte-carlo, read the files of all shards instead of running plants. All files equal
+        those of one run.
     benefit : bool
         Instead, map the benefit of compensation as a function of loop width and reversible fraction
         of the iron, and for a bearing also of step height. FILE must then end in '.json'.
@@ -124,7 +134,7 @@ def simulate(
     anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
     from anhyst.support.atomic import check_path
-    from anhyst.support.errors import InputError
+    from anhyst.support.errors import InputError, wrong_key
     from anhyst.support.jobs import use_scheduler
     from anhyst.support.kinds import require_capability
     from anhyst.support.toml_file import require_rig
@@ -142,10 +152,14 @@ def simulate(
     kind.refuse_options("simulate", {"--controller": controller, "--board": board})
     if out is None and chosen:
         raise InputError(f"{chosen[0]}: needs an output file", code="missing", key="--out")
+    if (shard is not None or merge) and (monte_carlo is None or (shard is not None and merge)):
+        option = "--merge" if merge else "--shard"
+        text = "needs --monte-carlo" if monte_carlo is None else "is not for one shard; leave out --shard"
+        raise wrong_key(option, text, code="options-together")
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
     with use_scheduler(scheduler):
         if monte_carlo is not None:
-            return run_plants(require_capability(kind, HasPlants), task, monte_carlo)
+            return run_plants(require_capability(kind, HasPlants), task, monte_carlo, shard, merge)
         if benefit:
             return map_benefit(require_capability(kind, HasBenefit), task)
         if board is not None:
@@ -167,10 +181,13 @@ def show(result: Studied, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     from anhyst_rigs.reports.study.task import files_written
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit
-    from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
+    from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Shard
 
     out = arguments["out"]
-    if isinstance(result, BoardComparison):
+    if isinstance(result, Shard):
+        yield from (f"{name}: {text}" for name, text in result.facts().items())
+        yield f"written: {result.path}"
+    elif isinstance(result, BoardComparison):
         yield from _show_firmware(result, out)
     elif isinstance(result, Benefit):
         yield from _show_map(result, out)
@@ -185,10 +202,11 @@ def refuse(result: Studied, _: Mapping[str, Any]) -> None:
     """Raise NegativeResult if levitation, a force or a position was lost."""
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit
+    from anhyst_rigs.study.engine.monte_carlo import Shard
 
     if isinstance(result, BoardComparison):
         result.raise_if_failed()
-    elif not isinstance(result, Benefit):
+    elif not isinstance(result, Benefit | Shard):
         result.refuse_losses()
 
 

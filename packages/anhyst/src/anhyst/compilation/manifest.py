@@ -20,7 +20,14 @@ from anhyst.compensate.plan import Decision, Plan
 from anhyst.compilation.controller import ControllerPlan, controller_entry
 from anhyst.compilation.toolchain import read_core
 from anhyst.model.actuator import Model
-from anhyst.support.atomic import PathLike, atomic_folder, json_text, to_bytes, write_files
+from anhyst.support.atomic import (
+    PathLike,
+    atomic_folder,
+    check_folder_writable,
+    json_text,
+    to_bytes,
+    write_files,
+)
 from anhyst.support.block_layout import BODY_WORDS
 from anhyst.support.block_words import Scales, SignalUnits
 from anhyst.support.errors import InputError
@@ -221,16 +228,13 @@ class CompiledFolder(Result):
 
 def check_folder(out: PathLike) -> None:
     """Check that a folder may be written."""
+    check_folder_writable(out, replace=True)
     target = Path(os.path.realpath(out))
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
     if target.is_dir() and any(target.iterdir()) and not _is_compiled_folder(target):
         text = f"{out}: contains files that anhyst compile did not write; name another folder"
         raise InputError(text, code="folder-holds-other-files")
     if not target.parent.is_dir():
         raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError(f"{target.parent}: cannot be written; name another folder", code="cannot-be-written")
 
 
 def _is_compiled_folder(folder: Path) -> bool:

@@ -225,11 +225,26 @@ def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
         (folder / name).write_bytes(to_bytes(content))
 
 
+def check_folder_writable(out: PathLike, *, replace: bool = False) -> None:
+    """Raise an error if a folder cannot be written as by `atomic_folder`. Call this before long work."""
+    target = Path(os.path.realpath(out))
+    try:
+        if target.exists() and not target.is_dir():
+            raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
+        folder = target if target.exists() and not replace else target.parent
+        while not folder.exists():
+            folder = folder.parent
+        draft = folder / f".{target.name}.{os.getpid()}.part"
+        draft.mkdir()
+        draft.rmdir()
+    except OSError as error:
+        raise write_error(out, error) from error
+
+
 def check_new(out: PathLike, names: Sequence[str]) -> None:
     """Raise an error if a file already exists in a folder. Call this before long work."""
     target = Path(out)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
+    check_folder_writable(out)
     for name in names:
         if (target / name).exists():
             raise InputError(

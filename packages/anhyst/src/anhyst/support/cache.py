@@ -129,7 +129,7 @@ class ResultsFile:
     """A file of JSON lines: a header with the settings, then one result per line.
 
     An incomplete last line, which a full disk or a killed process leaves, is removed. Use it as a
-    context manager.
+    context manager, unless it is read only.
     """
 
     def __init__(
@@ -138,16 +138,20 @@ class ResultsFile:
         header: Mapping[str, Any],
         key: str,
         find_fault: Callable[[Mapping[str, Any]], str | None],
+        *,
+        is_read_only: bool = False,
     ) -> None:
-        self.path = Path(path)
+        self.path, self._header = Path(path), header
         self._key, self._find_fault = key, find_fault
         self.done: dict[int, dict[str, Any]] = {}
-        if not self.path.exists():
+        if not is_read_only and not self.path.exists():
             write_bytes(self.path, _json_line(header).encode())
         try:
             content = self.path.read_bytes()
             complete_bytes = content.rfind(b"\n") + 1
             self._read_results(content[:complete_bytes], header)
+            if is_read_only:
+                return
             if complete_bytes < len(content):
                 os.truncate(self.path, complete_bytes)
             self._stream: IO[str] = self.path.open("a", encoding="utf-8", newline="")
@@ -160,6 +164,8 @@ class ResultsFile:
         for number, row in enumerate(rows[1:], start=2):
             result = self._parse_line(row, number)
             fault = self._find_fault(result)
+            if fault is None and result[self._key] in self.done:
+                fault = f"{self._key}: {result[self._key]} is there twice"
             if fault is not None:
                 raise InputError(
                     f"{self.path}: line {number}: {fault}; {_REMOVE_LINE_ADVICE}", code="damaged-results"
@@ -197,6 +203,12 @@ class ResultsFile:
             self._stream.flush()
         except OSError as error:
             raise write_error(self.path, error) from error
+
+    def sort(self) -> None:
+        """Rewrite the file in the order of the keys, which does not depend on the order of the work."""
+        self._stream.close()
+        rows = [self._header, *(self.done[number] for number in sorted(self.done))]
+        write_bytes(self.path, "".join(map(_json_line, rows)).encode())
 
     def __enter__(self) -> Self:
         return self

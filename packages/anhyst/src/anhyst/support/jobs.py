@@ -5,9 +5,9 @@ The work runs in processes of this machine, or on a cluster of dask.distributed.
 
 from __future__ import annotations
 
-import operator
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -47,6 +47,8 @@ B = TypeVar("B")
 _cluster_client: ContextVar[Any] = ContextVar("cluster", default=None)
 """Client of the cluster that does the work; None: processes of this machine."""
 
+BATCH_TIME_S = 1.0
+"""Time that the tasks of a cluster take if their inputs are short, s."""
 SCHEDULER_TIMEOUT_S = 10.0
 """Time within which a scheduler must answer, s."""
 
@@ -112,15 +114,37 @@ def _in_processes(work: Callable[[A], B], inputs: Sequence[A], count: int) -> It
 
 
 def _on_cluster(work: Callable[[A], B], inputs: Sequence[A]) -> Iterator[tuple[int, B]]:
+    """Send one input to each worker, then batches of about a second, because each task costs 1 ms."""
     client = _cluster_client.get()
     # The common part of all tasks is sent to each worker once, and again if a worker lost the part.
     shared_function = client.submit(partial, work, pure=False)
-    futures = client.map(operator.call, [shared_function] * len(inputs), inputs, pure=False)
-    order = {future: index for index, future in enumerate(futures)}
+    worker_count = max(1, sum(client.nthreads().values()))
     # Results are fetched in batches, because a request for each one costs a round trip.
-    completed_futures = _import_distributed().as_completed(futures, loop=client.loop, with_results=True)
-    for finished_future, result in completed_futures:
-        yield order[finished_future], result
+    completed = _import_distributed().as_completed(loop=client.loop, with_results=True)
+    numbers_by_future: dict[Any, Sequence[int]] = {}
+
+    def submit(numbers: Sequence[int], size: int) -> None:
+        batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
+        batch_inputs = [[inputs[number] for number in batch] for batch in batches]
+        futures = client.map(_run_batch, [shared_function] * len(batches), batch_inputs, pure=False)
+        numbers_by_future.update(zip(futures, batches, strict=True))
+        completed.update(futures)
+
+    submit(range(len(inputs))[:worker_count], 1)
+    remaining = range(len(inputs))[worker_count:]
+    for future, (results, duration_s) in completed:
+        if remaining:
+            fair_size = len(remaining) // (2 * worker_count)
+            submit(remaining, max(1, min(fair_size, int(BATCH_TIME_S / max(duration_s, 1e-6)))))
+            remaining = range(0)
+        yield from zip(numbers_by_future.pop(future), results, strict=True)
+
+
+def _run_batch(work: Callable[[A], B], inputs: Sequence[A]) -> tuple[list[B], float]:
+    """Return the results of some inputs, and the time that they took, s."""
+    begin_s = time.perf_counter()
+    results = [work(item) for item in inputs]
+    return results, time.perf_counter() - begin_s
 
 
 def _import_distributed() -> Any:

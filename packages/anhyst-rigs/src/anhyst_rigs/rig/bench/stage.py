@@ -44,7 +44,7 @@ from anhyst_rigs.rig.recording import (
     magnet_columns,
     peak_deviation,
 )
-from anhyst_rigs.rig.stage.drives import largest_wrench_factor
+from anhyst_rigs.rig.stage.capability import largest_wrench_factor
 from anhyst_rigs.rig.stage.geometry import scan_direction, scan_wrench
 from anhyst_rigs.rig.stage.loop import (
     Feedforward,
@@ -139,12 +139,12 @@ class StageBench(CycleBench):
         self.cycles: deque[StageCycle] = deque(maxlen=MAX_CYCLES)
         self._max_acceleration = max(file.scan.test_m_per_s2)
         available_force = (
-            largest_wrench_factor(file, scan_wrench(file)) - file.body.mass_kg * self._max_acceleration
+            largest_wrench_factor(rig, scan_wrench(file)) - file.body.mass_kg * self._max_acceleration
         )
         self.max_load = MAX_LOAD_TO_SPARE_FORCE * max(available_force, 0.0)
         axis_directions = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
         self._max_pushes = {
-            f"push_{axis}": MAX_LOAD_TO_SPARE_FORCE * largest_wrench_factor(file, direction)
+            f"push_{axis}": MAX_LOAD_TO_SPARE_FORCE * largest_wrench_factor(rig, direction)
             for axis, direction in axis_directions
         }
         self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # active value of each push, N or N m

@@ -25,6 +25,8 @@ _MIN_FORCE_MARGIN_TO_RANGE = 1e-6
 
 The magnets can push a body in any direction only if the forces that carry it have this distance.
 """
+_CURRENT_STEPS = 200
+"""Number of steps in which the current rises to the limit of the amplifier."""
 _LINE_TOLERANCE = 1e-9
 """Largest deviation between the lines of action of two opposing magnets, m or dimensionless."""
 LANDING_TRAVEL_TO_STOP_DISTANCE = 1.5
@@ -52,28 +54,18 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     )
 
 
-def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
-    """Return the largest factor by which the magnets can apply a wrench in both directions.
+def largest_magnet_forces(rig: BodyRig) -> FloatArray:
+    """Return the largest force of each magnet at its gap, N.
 
-    The magnets carry the weight at the same time.
+    The limits are ``force_max_N`` and the largest current of the amplifier.
     """
-    layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
-    max_force = file.tracking.force_max_N
-    upper_limit = max_force * len(file.body_magnets)
-
-    def can_produce(push: FloatArray) -> bool:
-        solutions = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
-        return all(is_possible and max(forces) <= max_force for forces, is_possible in solutions)
-
-    possible_factor, impossible_factor = 0.0, upper_limit
-    while impossible_factor - possible_factor > 1e-3 * upper_limit:
-        middle_factor = 0.5 * (possible_factor + impossible_factor)
-        possible_factor, impossible_factor = (
-            (middle_factor, impossible_factor)
-            if can_produce(middle_factor * wrench)
-            else (possible_factor, middle_factor)
-        )
-    return possible_factor
+    file = rig.settings
+    gaps = np.array([magnet.gap_m or file.gap_m for magnet in file.body_magnets])
+    low_A, high_A = file.amplifier.current_low_A, file.amplifier.current_high_A
+    max_current = min(-low_A, high_A) if file.magnet.is_bidirectional else high_A
+    current = np.linspace(0.0, max_current, _CURRENT_STEPS)
+    limits = {gap: rig.static_map(current, np.full(_CURRENT_STEPS, gap))[0][-1] for gap in set(gaps)}
+    return np.minimum([limits[gap] for gap in gaps], file.tracking.force_max_N)
 
 
 def axis_yield_weights(file: RigFile) -> list[float]:

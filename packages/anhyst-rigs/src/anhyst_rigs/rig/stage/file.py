@@ -20,13 +20,12 @@ from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.lines import Coordinate, LinesOfAction
 from anhyst_rigs.rig.magnet_table import ORIGIN, UNIT_LENGTH_TOLERANCE
-from anhyst_rigs.rig.stage.drives import largest_wrench_factor, usual_allocation, wrench_layout
+from anhyst_rigs.rig.stage.capability import capability_faults
 from anhyst_rigs.rig.stage.geometry import (
     axis_indices,
     head_lines,
     head_rows,
     scan_direction,
-    scan_wrench,
     stop_distances,
     travel_m,
     weight_wrench,
@@ -82,7 +81,11 @@ def read_stage(path: PathLike) -> BodyRig:
     if faults:
         raise faults_error(rig_path, faults)
     rig: BodyRig = StageRig(rig_path, settings)
-    return complete_rig(rig, rig.measured_loops.read()) if settings.magnet.has_iron_from_loops else rig
+    if settings.magnet.has_iron_from_loops:
+        rig = complete_rig(rig, rig.measured_loops.read())
+    if faults := list(capability_faults(rig)):
+        raise faults_error(rig_path, faults)
+    return rig
 
 
 def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
@@ -140,22 +143,3 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     if abs(np.linalg.norm(scan_direction(file)) - 1.0) > UNIT_LENGTH_TOLERANCE:
         text = f"the body is free in {axes_text} and cannot move in this direction; correct it"
         yield FileFault(file.key_path(file.scan, "direction"), text, code="wrong-direction")
-    try:
-        layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
-    except ValueError:
-        text = f"these magnets cannot push along all of {axes_text}; add one, or move them"
-        yield FileFault(("magnet",), text, code="axis-not-held")
-        return
-    if not layout.share((-weight_wrench(file)).tolist())[1]:
-        text = "these magnets cannot hold the body and its weight; turn one, or add one"
-        yield FileFault(("magnet",), text, code="load-too-large")
-        return
-    max_force = largest_wrench_factor(file, scan_wrench(file))
-    for key in ("train_m_per_s2", "test_m_per_s2"):
-        required_force = file.body.mass_kg * max(getattr(file.scan, key))
-        # tolerance of the search for the largest factor: 0.1 %
-        if required_force > 1.01 * max_force:
-            text = f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
-            text += f"{max_force:.4g} N along the set-point in both directions in "
-            text += "addition to the weight; lower it"
-            yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")

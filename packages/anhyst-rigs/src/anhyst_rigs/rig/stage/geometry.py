@@ -103,6 +103,17 @@ def decoupling_matrices(file: RigFile) -> tuple[FloatArray, FloatArray]:
     return centre_rows, np.ascontiguousarray(mass_matrix(file) @ np.linalg.inv(centre_rows))
 
 
+def gyration_radii(file: RigFile) -> FloatArray:
+    """Return the radius of gyration of each rotation, m; 1 for each displacement."""
+    inertia = np.array(file.body.inertia_kg_m2 or [1.0, 1.0, 1.0])
+    return np.concatenate([np.ones(3), np.sqrt(inertia / file.body.mass_kg)])[axis_indices(file)]
+
+
+def scaled_wrenches(file: RigFile, wrenches: FloatArray) -> FloatArray:
+    """Return wrenches about the centre of mass, one per row, with moments per radius of gyration, N."""
+    return np.asarray(wrenches @ np.linalg.inv(decoupling_matrices(file)[0]) / gyration_radii(file))
+
+
 def weight_wrench(file: RigFile) -> FloatArray:
     """Return the wrench of the weight, which acts along -z."""
     weight = np.array([0.0, 0.0, -file.body.weight_N])

@@ -6,20 +6,21 @@ run continues from this file.
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, to_json_value
 from anhyst.support.cache import ResultsFile
-from anhyst.support.errors import Interrupted, NegativeResult
+from anhyst.support.errors import InputError, Interrupted, NegativeResult, wrong_key
 from anhyst.support.jobs import Progress, map_unordered
 from anhyst.support.kinds import MethodName
 from anhyst.support.result import rows_to_columns
@@ -278,28 +279,78 @@ def percentile(values: Sequence[float], percent: float) -> float:
     return sorted(values)[max(math.ceil(0.01 * percent * len(values)), 1) - 1]
 
 
+@dataclass(frozen=True)
+class Shard:
+    """Part I of N of a Monte Carlo run: the plants I - 1, I - 1 + N, ..."""
+
+    numbers: range  # numbers of the plants
+    path: Path  # results file, such as plants.2-of-8.jsonl
+
+    @classmethod
+    def parse(cls, text: str, count: int, path: Path) -> Self:
+        """Return a shard, such as 2/8, of a run with a number of plants and a results file."""
+        part, _, parts = text.partition("/")
+        if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts) <= count):
+            fault = f"'{text}' is not a part of {count} plants; give I/N, such as 2/8"
+            raise wrong_key("--shard", fault, code="bad-shard")
+        shard_path = path.with_name(f"{path.stem}.{int(part)}-of-{int(parts)}{path.suffix}")
+        return cls(range(int(part) - 1, count, int(parts)), shard_path)
+
+    def facts(self) -> dict[str, str]:
+        """Return the number of plants."""
+        return {"plants": f"{len(self.numbers)} of {self.numbers.stop}"}
+
+
+def merge_shards(plants: Plants, path: Path, count: int) -> None:
+    """Write the results of all shards to one file, as one run writes them."""
+    fault, done = partial(find_fault, plants=plants), dict[int, dict[str, Any]]()
+    for file in sorted(path.parent.glob(f"{glob.escape(path.stem)}.*-of-*{path.suffix}")):
+        results = ResultsFile(file, plants.header(), "plant", fault, is_read_only=True).done
+        if doubled := sorted(done.keys() & results.keys()):
+            text = f"plant {doubled[0]} is in another shard too; remove the shards of the other run"
+            raise InputError(f"{file}: {text}", code="shards-differ")
+        done |= results
+    if wrong := sorted(done.keys() ^ set(range(count))):
+        text = f"has {sum(number < count for number in done)} of {count} plants in its shards"
+        text += f" and {sum(number >= count for number in done)} others, plant {wrong[0]} is "
+        text += "missing; run its shard again" if wrong[0] < count else "not expected; correct --monte-carlo"
+        raise InputError(f"{path}: {text}", code="shards-differ")
+    with ResultsFile(path, plants.header(), "plant", fault) as whole:
+        whole.done.update(done)
+        whole.sort()
+
+
 def monte_carlo(
     plants: Plants, path: PathLike, count: int, progress: Progress | None = None, jobs: int | None = None
 ) -> MonteCarlo:
     """Simulate drifted plants; continue an existing file of results."""
-    fault = partial(find_fault, plants=plants)
-    with ResultsFile(path, plants.header(), "plant", fault) as results:
-        remaining_numbers = [number for number in range(count) if number not in results.done]
-        try:
-            for _, result in map_unordered(partial(run_plant, plants), remaining_numbers, progress, jobs):
-                results.add(result)
-        except KeyboardInterrupt:
-            done_count = sum(number in results.done for number in range(count))
-            raise Interrupted(
-                f"{done_count} of {count} plants are stored in {results.path}; the same command "
-                "continues from there"
-            ) from None
-        rows = [results.done[number]["variants"] for number in range(count)]
+    done = run_numbers(plants, path, range(count), progress, jobs)
+    rows = [done[number]["variants"] for number in range(count)]
     return MonteCarlo(
         plants,
         tuple(plants.draw_plant(number)[0] for number in range(count)),
         {name: tuple(_plant_run(record[name], plants) for record in rows) for name in plants.methods},
     )
+
+
+def run_numbers(
+    plants: Plants, path: PathLike, numbers: range, progress: Progress | None = None, jobs: int | None = None
+) -> Mapping[int, dict[str, Any]]:
+    """Simulate the plants that a results file lacks; sort the file, and return all its results."""
+    fault = partial(find_fault, plants=plants)
+    with ResultsFile(path, plants.header(), "plant", fault) as results:
+        remaining_numbers = [number for number in numbers if number not in results.done]
+        try:
+            for _, result in map_unordered(partial(run_plant, plants), remaining_numbers, progress, jobs):
+                results.add(result)
+        except KeyboardInterrupt:
+            done_count = sum(number in results.done for number in numbers)
+            raise Interrupted(
+                f"{done_count} of {len(numbers)} plants are stored in {results.path}; the same command "
+                "continues from there"
+            ) from None
+        results.sort()
+        return results.done
 
 
 def run_plant(plants: Plants, number: int) -> dict[str, Any]:

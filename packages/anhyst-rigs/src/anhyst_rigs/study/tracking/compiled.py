@@ -33,6 +33,7 @@ from anhyst.verification.protocol import make_stage_record
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import column_name, magnet_columns
+from anhyst_rigs.rig.stage.capability import make_capability
 from anhyst_rigs.rig.stage.drives import (
     axis_yield_weights,
     min_single_force,
@@ -77,6 +78,7 @@ def compile_stage(
     setup = replace(
         make_stage(compiled_rig(rig), identify_stage_magnet(rig), request.kind), number_format=number_format
     )
+    refuse_unallocated(setup)
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, request.kind, out, request.name or c_name(rig.settings.name))
@@ -125,6 +127,19 @@ def _refuse_uncompilable(rig: BodyRig, io: SignalFormat, rate: float | None) -> 
         text = "control.calibrate: a compiled controller cannot calibrate itself; name the file of"
         text += " anhyst calibrate as control.calibration"
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibrate")
+
+
+def refuse_unallocated(setup: StageSetup) -> None:
+    """Raise an error if the number format is too coarse for the layout of the magnets."""
+    try:
+        make_axes_controller(setup)
+    except ValueError as error:
+        rig, condition = setup.rig, make_capability(setup.rig).singular_values()[0]
+        text = (
+            f"magnet: nearly singular in {setup.number_format}, condition number {condition:.3g}; move the "
+        )
+        text += "magnets apart" + ("" if setup.number_format == "fixed" else ", or compile with --io q31")
+        raise InputError(f"{rig.path}: {text}", code="not-compilable", key="magnet") from error
 
 
 def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageController:

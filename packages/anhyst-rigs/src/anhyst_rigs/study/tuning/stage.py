@@ -19,7 +19,7 @@ from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import sample_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.drives import largest_wrench_factor
+from anhyst_rigs.rig.stage.capability import largest_wrench_factor
 from anhyst_rigs.rig.stage.geometry import scan_wrench, weight_along_scan
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
@@ -329,7 +329,7 @@ class StageLoop:
         motion, file = self._set_point(TEST), self.setup.rig.settings
         demand_N = track(self.setup, motion, self.feedforward, seed)["demand_N"]
         largest_demand_N = float(np.abs(demand_N + weight_along_scan(file)).max())
-        force_max_N = largest_wrench_factor(file, scan_wrench(file))
+        force_max_N = largest_wrench_factor(self.setup.rig, scan_wrench(file))
         if largest_demand_N >= _FORCE_LIMIT_FRACTION * force_max_N:
             text = f"the demand reaches {largest_demand_N:.3g} N of {force_max_N:.4g} N "
             text += "on the test set-point"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from anhyst.control.controller_file import ControllerFile, write_controller
-from anhyst.support.atomic import PathLike, check_writable, relative_path
+from anhyst.support.atomic import PathLike, check_folder_writable, check_writable, relative_path
 from anhyst.support.errors import InputError, Interrupted
 from anhyst.support.jobs import Progress, map_ordered, split_progress
 from anhyst.support.kinds import FLUX_PROBE_METHODS, MethodName, require_capability
@@ -143,15 +143,9 @@ class TuningSubject(ABC):
     ) -> dict[MethodName, Path]:
         """Return the paths of the output files; raise an error if they cannot be written."""
         files = {name: f"{self.file_stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
-        if folder.is_dir():
-            for name in (*files.values(), *RESULT_FILES):
-                check_writable(folder / name, input_files=reads)
-        elif folder.exists():
-            raise InputError(f"{folder}: is a file; enter a folder", code="is-a-file")
-        else:
-            # If a file of this name can be made, the folder can be made too.
-            existing_parent = next(parent for parent in folder.absolute().parents if parent.exists())
-            check_writable(existing_parent / folder.name)
+        check_folder_writable(folder)
+        for name in (*files.values(), *RESULT_FILES) if folder.is_dir() else ():
+            check_writable(folder / name, input_files=reads)
         return {name: folder / file for name, file in files.items()}
 
 
