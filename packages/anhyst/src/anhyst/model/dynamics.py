@@ -26,15 +26,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.speeds import cycle_rate
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 GAMMA_NAME = "gamma (A s/(m T))"
 """Name of gamma among the fitted quantities."""
-
-MAX_RATE_RATIO = 1.5
-"""Ratio of the rate of a run to the highest validated rate above which the run is flagged."""
 
 
 @dataclass(frozen=True)
@@ -154,14 +150,3 @@ class Layers:
             f"{self.count}, {100.0 * self.surface:.3g} % of the section at the surface, "
             f"{100.0 * self.laminated:.3g} % of the path laminated"
         )
-
-
-def describe_too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:
-    """Return a warning if a run is much faster than the highest validated rate."""
-    rate = cycle_rate(drive, time)
-    if dynamics.fastest == 0.0 or rate <= MAX_RATE_RATIO * dynamics.fastest:
-        return ()
-    return (
-        f"the record runs at {rate:.3g} Hz, but the model was validated only up to "
-        f"{dynamics.fastest:.3g} Hz: loops widen with their rate; measure and identify at this rate",
-    )

@@ -58,7 +58,8 @@ LAYERS_COMMENT = """
 # section in the layer at the surface; and the share of the path in sheets, which respond at once.
 """
 VALID_COMMENT = """
-# Smallest and largest measured values. Outside, results are computed and flagged.
+# Smallest and largest measured values, and the fastest change of the input if the loops have times.
+# Outside, or 1.5 times as fast, results are computed and flagged.
 """
 FIT_COMMENT = """
 # Deviation of the model from its measurement: mean absolute, root mean square and largest. left_out:
