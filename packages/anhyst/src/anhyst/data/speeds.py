@@ -66,24 +66,24 @@ def find_fast_samples(
     is_fast, fastest = np.zeros(drive.size + 1, dtype=np.intp), 0.0
     if time is None or not _is_clock(time) or input_range <= 0.0:
         return 0.0, is_fast[:-1] > 0
+    time = _spread_times(time - time[0])
     starts = _find_held_starts(drive, _HELD_SHARE * input_range)
     counts = np.diff(starts, append=drive.size)
-    sums = [
-        np.cumsum(np.append(0.0, np.add.reduceat(row, starts) / counts))
-        for row in (drive, _spread_times(time - time[0]))
-    ]
+    sums = [np.cumsum(np.append(0.0, np.add.reduceat(row, starts) / counts)) for row in (drive, time)]
     noise_travel = _MIN_TRAVEL_SIGMAS * math.sqrt(2.0) * estimate_noise(drive) / input_range
-    block, bounds = 1, np.append(starts, drive.size)
-    while 2 * block < bounds.size:
-        travel, seconds = (
-            np.abs(row[2 * block :] - 2.0 * row[block:-block] + row[: -2 * block]) / block for row in sums
-        )
+    block = 1
+    while 2 * block <= starts.size:
+        drive_means, time_means = ((row[block:] - row[:-block]) / block for row in sums)
+        travel = np.abs(drive_means[block:] - drive_means[:-block])
+        seconds = time_means[block:] - time_means[:-block]
         share = MIN_TRAVEL_SHARE + min(noise_travel / math.sqrt(block), _MAX_NOISE_TRAVEL_SHARE)
         rates = np.where(travel >= share * input_range, travel, 0.0) / np.maximum(seconds, 1e-300)
         fastest = max(fastest, float(rates.max()))
-        fast_blocks = np.flatnonzero(rates > max_rate)
-        np.add.at(is_fast, bounds[fast_blocks], 1)
-        np.add.at(is_fast, bounds[fast_blocks + 2 * block], -1)
+        # A block of equal steps begins half the distance of the means before its mean.
+        is_over = rates > max_rate
+        begin = (time_means[:-block] - 0.5 * seconds)[is_over]
+        np.add.at(is_fast, np.searchsorted(time, begin), 1)
+        np.add.at(is_fast, np.searchsorted(time, begin + 2.0 * seconds[is_over], "right"), -1)
         block *= 2
     return fastest, np.cumsum(is_fast)[:-1] > 0
 
