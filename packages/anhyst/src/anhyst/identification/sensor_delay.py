@@ -1,0 +1,204 @@
+"""Estimate a pure delay of the output sensor from the reversals of fast loops.
+
+Eddy currents and a delay of the sensor have the same effect on slow loops. Just after a sharp
+reversal of the current, they differ: the flux in iron with eddy currents begins to deviate from its
+smooth course at the reversal itself (as a power of the time of 1 without eddy currents, of 3/2 if
+the field diffuses into a slab, of 2 behind a shorted turn), and a delay moves this beginning. The
+output around each reversal is a polynomial plus a sum of these powers with nonnegative factors. The
+delay is that of the smallest misfit, in ever shorter windows until the misfit is noise. Neither a
+hysteresis law nor a rate law is needed.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from operator import itemgetter
+
+import numpy as np
+
+from anhyst.data import Loop, Loops
+from anhyst.data.clean import replace_columns
+from anhyst.data.estimates import estimate_noise
+from anhyst.data.path import find_branches
+from anhyst.support.numeric import FloatArray
+
+POWERS = (1.0, 1.5, 2.0)
+"""Powers of the time after a reversal with which the output of any iron begins to deviate."""
+WINDOW_DIVISORS = (3.0, 5.0, 7.0, 9.0, 11.0, 14.0, 18.0)
+"""Mean duration of a branch divided by the half-width of the window around a reversal."""
+MIN_WINDOW_SAMPLES = 8
+"""Smallest number of samples in a window on each side of a reversal."""
+MAX_MISFIT_TO_NOISE = 1.1
+"""Ratio of misfit to noise at which the window is short enough."""
+BIAS_SHARE = 0.03
+"""Bias of the delay by the shape of the loop, as a fraction of the half-width of the window: the
+largest of 32 virtual magnets (docs/rate.md)."""
+MIN_SIGMAS = 3.0
+"""Number of standard errors above which a delay is not a property of the loop."""
+MIN_SHARPNESS = 0.8
+"""Smallest change of the slope of the input at a reversal, relative to that of a triangle."""
+MAX_ROUNDING_SHARE = 0.01
+"""Largest rms rounding of a reversal, as a fraction of the depth of the window."""
+_POLYNOMIAL_DEGREE = 3
+_MAX_REVERSALS = 24
+_SEARCH_SHARES = np.arange(-0.5, 0.501, 0.01)  # candidates, in half-widths of the window
+_MAX_EDGE_WEIGHT = 0.01  # largest probability of the first and last candidates of a valid result
+
+
+@dataclass(frozen=True)
+class SensorDelay:
+    """A delay of the output after the input that is not the lag of the iron."""
+
+    seconds: float  # estimate, s; negative if the input is late
+    error: float  # standard error including the bias, s
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the delay exceeds its standard error so much that it is removed."""
+        return abs(self.seconds) > MIN_SIGMAS * self.error
+
+    def __str__(self) -> str:
+        """Return what was removed, as a sentence."""
+        late, early = ("output", "input") if self.seconds > 0.0 else ("input", "output")
+        return (
+            f"at sharp reversals the {late} is later than the {early} by {1e3 * abs(self.seconds):.2g} ms "
+            f"(standard error {1e3 * self.error:.1g} ms), which iron does not do: this delay of a sensor "
+            "was removed from all loops, and is not part of the model"
+        )
+
+
+@dataclass(frozen=True)
+class _Reversal:
+    """A sharp reversal of the input."""
+
+    time: FloatArray  # times of the samples relative to the reversal, s
+    output: FloatArray  # sign changed if the output has a minimum
+
+
+def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
+    """Return the delay of the output of loops of one speed; None if their reversals do not show it."""
+    records = [record for record in map(_unroll, loops) if record is not None]
+    branches = [branch for record in records for branch in _branch_times(record)]
+    if not branches:
+        return None
+    branch_time = float(np.median(branches))
+    step = max(float(np.median(np.diff(time))) for time, _, _ in records)
+    noise = float(np.sqrt(np.mean([estimate_noise(loop.output) ** 2 for loop in loops])))
+    reversals = [found for record in records for found in _find_reversals(*record, branch_time)]
+    estimate: SensorDelay | None = None
+    for divisor in WINDOW_DIVISORS:
+        window, centre = branch_time / divisor, estimate.seconds if estimate else 0.0
+        if window < MIN_WINDOW_SAMPLES * step:
+            break
+        fit = _estimate_in_window(reversals[:_MAX_REVERSALS], centre, window)
+        if fit is None:
+            break
+        delay, error, misfit = fit
+        estimate = SensorDelay(delay, float(np.hypot(error, BIAS_SHARE * window)))
+        if misfit <= MAX_MISFIT_TO_NOISE * noise:
+            break
+    return estimate
+
+
+def remove_sensor_delay(loops: Loops, delay: SensorDelay) -> Loops:
+    """Shift all outputs by a delay. A steady-state cycle keeps its samples."""
+    shifted = []
+    for loop in loops.loops:
+        assert loop.time is not None
+        later = loop.time + delay.seconds
+        if loop.history.kind == "settled":
+            period = float(loop.time[-1] - loop.time[0] + np.median(np.diff(loop.time)))
+            shifted.append(replace(loop, output=np.interp(later, loop.time, loop.output, period=period)))
+            continue
+        is_inside = (later >= loop.time[0]) & (later <= loop.time[-1])
+        output = np.interp(later, loop.time, loop.output)[is_inside]
+        shifted.append(replace_columns(loop, itemgetter(is_inside), output=output))
+    return loops.with_loops(shifted)
+
+
+_Record = tuple[FloatArray, FloatArray, FloatArray]
+"""Time, input and output of a record."""
+
+
+def _unroll(loop: Loop) -> _Record | None:
+    """Return a record; a steady-state cycle is repeated, so that all its reversals are inside."""
+    if loop.time is None or loop.n < 4 * MIN_WINDOW_SAMPLES:
+        return None
+    if loop.history.kind != "settled":
+        return loop.time, loop.input, loop.output
+    period = float(loop.time[-1] - loop.time[0] + np.median(np.diff(loop.time)))
+    time = np.concatenate([loop.time, loop.time + period])
+    return time, np.tile(loop.input, 2), np.tile(loop.output, 2)
+
+
+def _branch_times(record: _Record) -> list[float]:
+    time, drive, _ = record
+    return [float(time[branch.stop - 1] - time[branch.start]) for branch in find_branches(drive)[1:-1]]
+
+
+def _find_reversals(
+    time: FloatArray, drive: FloatArray, output: FloatArray, branch_time: float
+) -> list[_Reversal]:
+    """Return the sharp reversals of a record that are far enough from its ends."""
+    found, noise = [], estimate_noise(drive)
+    window = branch_time / WINDOW_DIVISORS[0]
+    for branch, _ in itertools.pairwise(find_branches(drive)):
+        tip = float(time[branch.stop - 1])
+        rows = np.flatnonzero(np.abs(time - tip) <= 2.0 * window)
+        near = rows[np.abs(time[rows] - tip) <= window]
+        before, after = near[time[near] < tip], near[time[near] > tip]
+        if min(tip - time[0], time[-1] - tip) < window or min(before.size, after.size) < MIN_WINDOW_SAMPLES:
+            continue
+        lines = [np.polynomial.Polynomial.fit(time[part] - tip, drive[part], 2) for part in (before[:-2], after[2:])]
+        difference = lines[1] - lines[0].convert(domain=lines[1].domain, window=lines[1].window)
+        slopes = [float(line.deriv()(0.0)) for line in lines]
+        depth = float(np.mean(np.abs(drive[near[[0, -1]]] - drive[branch.stop - 1])))
+        if abs(slopes[1] - slopes[0]) * window < 2.0 * MIN_SHARPNESS * depth:
+            continue
+        offset = float(difference(0.0)) / (slopes[0] - slopes[1])
+        sides = [line(time[part] - tip) - drive[part] for line, part in zip(lines, (before, after), strict=True)]
+        rounding = float(np.sqrt(np.mean(np.concatenate(sides) ** 2)))
+        if rounding > MAX_ROUNDING_SHARE * depth + 2.0 * noise:
+            continue
+        ends = output[near[[0, -1]]]
+        sign = float(np.sign(2.0 * output[branch.stop - 1] - ends.sum()))
+        found.append(_Reversal(time[rows] - tip - offset, sign * output[rows]))
+    return found
+
+
+def _estimate_in_window(
+    reversals: Sequence[_Reversal], centre: float, window: float
+) -> tuple[float, float, float] | None:
+    """Return delay, standard error and rms misfit around a delay; None if no delay is best."""
+    delays = centre + window * _SEARCH_SHARES
+    misfits, count = np.zeros(delays.size), 0.0
+    for reversal in reversals:
+        is_near = np.abs(reversal.time - centre) <= window
+        time, output = reversal.time[is_near] / window, reversal.output[is_near]
+        misfits += _misfit_by_delay(time - centre / window, output)
+        count += time.size - _POLYNOMIAL_DEGREE - 1 - len(POWERS)
+    if count <= 0.0:
+        return None
+    variance = float(misfits.min()) / count + 1e-300
+    weights = np.exp(-0.5 * (misfits - misfits.min()) / variance)
+    weights /= weights.sum()
+    if weights[[0, -1]].max() > _MAX_EDGE_WEIGHT:
+        return None
+    delay = float(weights @ delays)
+    return delay, float(np.sqrt(weights @ (delays - delay) ** 2)), float(np.sqrt(variance))
+
+
+def _misfit_by_delay(time: FloatArray, output: FloatArray) -> FloatArray:
+    """Return the sum of squared deviations for each candidate; times are in half-widths."""
+    from scipy.optimize import nnls
+
+    polynomial, _ = np.linalg.qr(np.stack([time**power for power in range(_POLYNOMIAL_DEGREE + 1)], axis=1))
+    fall = polynomial @ (polynomial.T @ output) - output
+    misfits = []
+    for delay in _SEARCH_SHARES:
+        late = np.clip(time - delay, 0.0, None)
+        basis = np.stack([late**power for power in POWERS], axis=1)
+        misfits.append(nnls(basis - polynomial @ (polynomial.T @ basis), fall)[1] ** 2)
+    return np.array(misfits)
