@@ -5,8 +5,8 @@ reversal of the current, they differ: the flux in iron with eddy currents begins
 smooth course at the reversal itself (as a power of the time of 1 without eddy currents, of 3/2 if
 the field diffuses into a slab, of 2 behind a shorted turn), and a delay moves this beginning. The
 output around each reversal is a polynomial plus a sum of these powers with nonnegative factors. The
-delay is that of the smallest misfit, in ever shorter windows until the misfit is noise. Neither a
-hysteresis law nor a rate law is needed.
+delay is that of the smallest misfit, in the window with the smallest sum of scatter and bias.
+Neither a hysteresis law nor a rate law is needed.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from operator import itemgetter
 import numpy as np
 
 from anhyst.data import Loop, Loops
-from anhyst.data.clean import replace_columns
-from anhyst.data.estimates import estimate_noise
+from anhyst.data.loops import replace_columns
 from anhyst.data.path import find_branches
+from anhyst.data.speeds import SpeedGroups
 from anhyst.support.numeric import FloatArray
 
 POWERS = (1.0, 1.5, 2.0)
@@ -30,8 +30,6 @@ WINDOW_DIVISORS = (3.0, 5.0, 7.0, 9.0, 11.0, 14.0, 18.0)
 """Mean duration of a branch divided by the half-width of the window around a reversal."""
 MIN_WINDOW_SAMPLES = 8
 """Smallest number of samples in a window on each side of a reversal."""
-MAX_MISFIT_TO_NOISE = 1.1
-"""Ratio of misfit to noise at which the window is short enough."""
 BIAS_SHARE = 0.03
 """Bias of the delay by the shape of the loop, as a fraction of the half-width of the window: the
 largest of 32 virtual magnets (docs/rate.md)."""
@@ -39,8 +37,7 @@ MIN_SIGMAS = 3.0
 """Number of standard errors above which a delay is not a property of the loop."""
 MIN_SHARPNESS = 0.8
 """Smallest change of the slope of the input at a reversal, relative to that of a triangle."""
-MAX_ROUNDING_SHARE = 0.01
-"""Largest rms rounding of a reversal, as a fraction of the depth of the window."""
+_CORNER_SHARE = 0.15  # part of the window around a reversal that does not determine its time
 _POLYNOMIAL_DEGREE = 3
 _MAX_REVERSALS = 24
 _SEARCH_SHARES = np.arange(-0.5, 0.501, 0.01)  # candidates, in half-widths of the window
@@ -53,11 +50,6 @@ class SensorDelay:
 
     seconds: float  # estimate, s; negative if the input is late
     error: float  # standard error including the bias, s
-
-    @property
-    def is_significant(self) -> bool:
-        """Whether the delay exceeds its standard error so much that it is removed."""
-        return abs(self.seconds) > MIN_SIGMAS * self.error
 
     def __str__(self) -> str:
         """Return what was removed, as a sentence."""
@@ -75,6 +67,13 @@ class _Reversal:
 
     time: FloatArray  # times of the samples relative to the reversal, s
     output: FloatArray  # sign changed if the output has a minimum
+    rounding: float  # square of the time constant that rounds the reversal of the input, s^2
+
+
+def find_sensor_delay(speeds: SpeedGroups) -> SensorDelay | None:
+    """Return the delay that the fastest loops show; None if it is not clearly above its error."""
+    delay = estimate_sensor_delay(speeds.fast[-1])
+    return delay if delay and abs(delay.seconds) > MIN_SIGMAS * delay.error else None
 
 
 def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
@@ -85,21 +84,15 @@ def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
         return None
     branch_time = float(np.median(branches))
     step = max(float(np.median(np.diff(time))) for time, _, _ in records)
-    noise = float(np.sqrt(np.mean([estimate_noise(loop.output) ** 2 for loop in loops])))
     reversals = [found for record in records for found in _find_reversals(*record, branch_time)]
-    estimate: SensorDelay | None = None
+    estimates: list[SensorDelay] = []
     for divisor in WINDOW_DIVISORS:
-        window, centre = branch_time / divisor, estimate.seconds if estimate else 0.0
-        if window < MIN_WINDOW_SAMPLES * step:
+        window, centre = branch_time / divisor, estimates[-1].seconds if estimates else 0.0
+        estimate = _estimate_in_window(reversals[:_MAX_REVERSALS], centre, window)
+        if estimate is None or window < MIN_WINDOW_SAMPLES * step:
             break
-        fit = _estimate_in_window(reversals[:_MAX_REVERSALS], centre, window)
-        if fit is None:
-            break
-        delay, error, misfit = fit
-        estimate = SensorDelay(delay, float(np.hypot(error, BIAS_SHARE * window)))
-        if misfit <= MAX_MISFIT_TO_NOISE * noise:
-            break
-    return estimate
+        estimates.append(estimate)
+    return min(estimates, key=lambda estimate: estimate.error, default=None)
 
 
 def remove_sensor_delay(loops: Loops, delay: SensorDelay) -> Loops:
@@ -142,36 +135,47 @@ def _find_reversals(
     time: FloatArray, drive: FloatArray, output: FloatArray, branch_time: float
 ) -> list[_Reversal]:
     """Return the sharp reversals of a record that are far enough from its ends."""
-    found, noise = [], estimate_noise(drive)
-    window = branch_time / WINDOW_DIVISORS[0]
+    found, window = [], branch_time / WINDOW_DIVISORS[0]
     for branch, _ in itertools.pairwise(find_branches(drive)):
         tip = float(time[branch.stop - 1])
         rows = np.flatnonzero(np.abs(time - tip) <= 2.0 * window)
         near = rows[np.abs(time[rows] - tip) <= window]
-        before, after = near[time[near] < tip], near[time[near] > tip]
-        if min(tip - time[0], time[-1] - tip) < window or min(before.size, after.size) < MIN_WINDOW_SAMPLES:
+        if min(tip - time[0], time[-1] - tip) < window or near.size < 2 * MIN_WINDOW_SAMPLES:
             continue
-        lines = [np.polynomial.Polynomial.fit(time[part] - tip, drive[part], 2) for part in (before[:-2], after[2:])]
-        difference = lines[1] - lines[0].convert(domain=lines[1].domain, window=lines[1].window)
-        slopes = [float(line.deriv()(0.0)) for line in lines]
+        corner = _fit_corner(time[near] - tip, drive[near], _CORNER_SHARE * window)
         depth = float(np.mean(np.abs(drive[near[[0, -1]]] - drive[branch.stop - 1])))
-        if abs(slopes[1] - slopes[0]) * window < 2.0 * MIN_SHARPNESS * depth:
+        if corner is None or abs(corner.slope_change) * window < 2.0 * MIN_SHARPNESS * depth:
             continue
-        offset = float(difference(0.0)) / (slopes[0] - slopes[1])
-        sides = [line(time[part] - tip) - drive[part] for line, part in zip(lines, (before, after), strict=True)]
-        rounding = float(np.sqrt(np.mean(np.concatenate(sides) ** 2)))
-        if rounding > MAX_ROUNDING_SHARE * depth + 2.0 * noise:
-            continue
-        ends = output[near[[0, -1]]]
-        sign = float(np.sign(2.0 * output[branch.stop - 1] - ends.sum()))
-        found.append(_Reversal(time[rows] - tip - offset, sign * output[rows]))
+        sign = float(np.sign(2.0 * output[branch.stop - 1] - output[near[[0, -1]]].sum()))
+        found.append(_Reversal(time[rows] - tip - corner.time, sign * output[rows], corner.rounding))
     return found
 
 
-def _estimate_in_window(
-    reversals: Sequence[_Reversal], centre: float, window: float
-) -> tuple[float, float, float] | None:
-    """Return delay, standard error and rms misfit around a delay; None if no delay is best."""
+@dataclass(frozen=True)
+class _Corner:
+    """Intersection of the parabolas before and after a reversal of the input."""
+
+    time: float  # s
+    slope_change: float  # units of the input per s
+    rounding: float  # square of the time constant of a first-order lag that rounds it so, s^2
+
+
+def _fit_corner(time: FloatArray, drive: FloatArray, margin: float) -> _Corner | None:
+    """Fit parabolas to the input before and after a reversal at time 0, without a margin."""
+    before, after = time < -margin, time > margin
+    if min(np.count_nonzero(before), np.count_nonzero(after)) < 4:
+        return None
+    coefficients = [np.polyfit(time[part], drive[part], 2) for part in (before, after)]
+    slope_change = float(coefficients[1][1] - coefficients[0][1])
+    if slope_change == 0.0:
+        return None
+    offset = float(coefficients[0][2] - coefficients[1][2]) / slope_change
+    sides = np.where(time < offset, *(np.polyval(side, time) for side in coefficients))
+    return _Corner(offset, slope_change, 2.0 * float(np.trapezoid(drive - sides, time)) / slope_change)
+
+
+def _estimate_in_window(reversals: Sequence[_Reversal], centre: float, window: float) -> SensorDelay | None:
+    """Return the delay near an earlier estimate; None if the reversals show no delay there."""
     delays = centre + window * _SEARCH_SHARES
     misfits, count = np.zeros(delays.size), 0.0
     for reversal in reversals:
@@ -187,7 +191,9 @@ def _estimate_in_window(
     if weights[[0, -1]].max() > _MAX_EDGE_WEIGHT:
         return None
     delay = float(weights @ delays)
-    return delay, float(np.sqrt(weights @ (delays - delay) ** 2)), float(np.sqrt(variance))
+    scatter = float(weights @ (delays - delay) ** 2)
+    rounding = max(0.0, float(np.mean([reversal.rounding for reversal in reversals])))
+    return SensorDelay(delay, float(np.sqrt(scatter + (BIAS_SHARE * window) ** 2 + rounding)))
 
 
 def _misfit_by_delay(time: FloatArray, output: FloatArray) -> FloatArray:
