@@ -19,6 +19,7 @@ from operator import itemgetter
 import numpy as np
 
 from anhyst.data import Loop, Loops
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import replace_columns
 from anhyst.data.path import find_branches
 from anhyst.data.speeds import SpeedGroups
@@ -48,14 +49,13 @@ _MAX_EDGE_WEIGHT = 0.01  # largest probability of the first and last candidates 
 class SensorDelay:
     """A delay of the output after the input that is not the lag of the iron."""
 
-    seconds: float  # estimate, s; negative if the input is late
+    seconds: float  # s; negative if the input seems late
     error: float  # standard error including the bias, s
 
     def __str__(self) -> str:
         """Return what was removed, as a sentence."""
-        late, early = ("output", "input") if self.seconds > 0.0 else ("input", "output")
         return (
-            f"at sharp reversals the {late} is later than the {early} by {1e3 * abs(self.seconds):.2g} ms "
+            f"at sharp reversals the output is later than the input by {1e3 * self.seconds:.2g} ms "
             f"(standard error {1e3 * self.error:.1g} ms), which iron does not do: this delay of a sensor "
             "was removed from all loops, and is not part of the model"
         )
@@ -71,9 +71,12 @@ class _Reversal:
 
 
 def find_sensor_delay(speeds: SpeedGroups) -> SensorDelay | None:
-    """Return the delay that the fastest loops show; None if it is not clearly above its error."""
+    """Return the delay that the fastest loops show; None if it is not clearly above its error.
+
+    A negative delay is not removed: a drive that saturates the iron may look so.
+    """
     delay = estimate_sensor_delay(speeds.fast[-1])
-    return delay if delay and abs(delay.seconds) > MIN_SIGMAS * delay.error else None
+    return delay if delay and delay.seconds > MIN_SIGMAS * delay.error else None
 
 
 def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
@@ -85,14 +88,17 @@ def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
     branch_time = float(np.median(branches))
     step = max(float(np.median(np.diff(time))) for time, _, _ in records)
     reversals = [found for record in records for found in _find_reversals(*record, branch_time)]
-    estimates: list[SensorDelay] = []
+    noise = max(estimate_noise(loop.output) for loop in loops)
+    fits: list[_WindowFit] = []
     for divisor in WINDOW_DIVISORS:
-        window, centre = branch_time / divisor, estimates[-1].seconds if estimates else 0.0
-        estimate = _estimate_in_window(reversals[:_MAX_REVERSALS], centre, window)
-        if estimate is None or window < MIN_WINDOW_SAMPLES * step:
+        window = branch_time / divisor
+        if window < MIN_WINDOW_SAMPLES * step:
             break
-        estimates.append(estimate)
-    return min(estimates, key=lambda estimate: estimate.error, default=None)
+        centres = {0.0} | {fit.delay for fit in fits[-1:]}
+        near = (_fit_window(reversals[:_MAX_REVERSALS], centre, window, noise) for centre in centres)
+        fits += sorted(filter(None, near), key=lambda fit: fit.misfit)[:1]
+    best = min(fits, key=lambda fit: fit.error, default=None)
+    return None if best is None else SensorDelay(best.delay, best.error)
 
 
 def remove_sensor_delay(loops: Loops, delay: SensorDelay) -> Loops:
@@ -174,26 +180,49 @@ def _fit_corner(time: FloatArray, drive: FloatArray, margin: float) -> _Corner |
     return _Corner(offset, slope_change, 2.0 * float(np.trapezoid(drive - sides, time)) / slope_change)
 
 
-def _estimate_in_window(reversals: Sequence[_Reversal], centre: float, window: float) -> SensorDelay | None:
-    """Return the delay near an earlier estimate; None if the reversals show no delay there."""
-    delays = centre + window * _SEARCH_SHARES
-    misfits, count = np.zeros(delays.size), 0.0
+@dataclass(frozen=True)
+class _WindowFit:
+    """Delay in windows of one length."""
+
+    delay: float  # s
+    error: float  # standard error including the bias, s
+    misfit: float  # rms misfit, units of the output
+
+
+def _fit_window(
+    reversals: Sequence[_Reversal], centre: float, window: float, noise: float
+) -> _WindowFit | None:
+    """Return the delay near a centre; None if the reversals show no delay there."""
+    delays, rows, counts = centre + window * _SEARCH_SHARES, [], []
     for reversal in reversals:
         is_near = np.abs(reversal.time - centre) <= window
-        time, output = reversal.time[is_near] / window, reversal.output[is_near]
-        misfits += _misfit_by_delay(time - centre / window, output)
-        count += time.size - _POLYNOMIAL_DEGREE - 1 - len(POWERS)
-    if count <= 0.0:
+        rows.append(_misfit_by_delay((reversal.time[is_near] - centre) / window, reversal.output[is_near]))
+        counts.append(np.count_nonzero(is_near))
+    misfits, freedom = np.array(rows), sum(counts) - len(counts) * (_POLYNOMIAL_DEGREE + 1 + len(POWERS))
+    if freedom <= 0:
         return None
-    variance = float(misfits.min()) / count + 1e-300
+    variance = float(misfits.sum(axis=0).min()) / freedom + 1e-300
+    delay, scatter = _weigh(misfits.sum(axis=0), delays, variance)
+    if not scatter:
+        return None
+    each = np.array([_weigh(row, delays, variance, edge=1.0) for row in misfits])
+    # Reversals that contradict each other, and a misfit that is not noise, increase the error.
+    chi_square = float(np.mean(((each[:, 0] - delay) / each[:, 1]) ** 2)) if len(each) > 1 else 1.0
+    systematic = max(0.0, 1.0 - noise**2 / variance) * float(np.mean(counts))
+    rounding = max(0.0, float(np.mean([reversal.rounding for reversal in reversals])))
+    square = scatter**2 * max(1.0, chi_square) * (1.0 + systematic) + (BIAS_SHARE * window) ** 2 + rounding
+    return _WindowFit(delay, float(np.sqrt(square)), float(np.sqrt(variance)))
+
+
+def _weigh(
+    misfits: FloatArray, delays: FloatArray, variance: float, edge: float = _MAX_EDGE_WEIGHT
+) -> tuple[float, float]:
+    """Return mean and standard deviation of the delay; a deviation of 0 if a bound is likely."""
     weights = np.exp(-0.5 * (misfits - misfits.min()) / variance)
     weights /= weights.sum()
-    if weights[[0, -1]].max() > _MAX_EDGE_WEIGHT:
-        return None
     delay = float(weights @ delays)
-    scatter = float(weights @ (delays - delay) ** 2)
-    rounding = max(0.0, float(np.mean([reversal.rounding for reversal in reversals])))
-    return SensorDelay(delay, float(np.sqrt(scatter + (BIAS_SHARE * window) ** 2 + rounding)))
+    deviation = float(np.sqrt(weights @ (delays - delay) ** 2)) + 1e-3 * float(np.ptp(delays))
+    return delay, deviation if weights[[0, -1]].max() <= edge else 0.0
 
 
 def _misfit_by_delay(time: FloatArray, output: FloatArray) -> FloatArray:
