@@ -58,12 +58,12 @@ def test_a_fitted_record_is_slow_enough_and_twice_its_speed_is_too_fast(
 
 @pytest.mark.parametrize("samples", [4, 40, 4000])
 def test_the_rate_of_a_triangle_is_its_slope(samples: int) -> None:
-    phase = np.arange(3 * samples + 1) / samples
-    triangle = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
+    phase: FloatArray = np.arange(3 * samples + 1) / samples
+    triangle: FloatArray = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
     assert fastest_input_rate(triangle, phase / 100.0, 1.0) == pytest.approx(200.0)
     assert fastest_input_rate(triangle, None, 1.0) == 0.0
-    assert fastest_input_rate(triangle, math.nan * phase, 1.0) == 0.0
-    assert fastest_input_rate(0.04 * triangle, phase, 1.0) == 0.0  # too small to be seen
+    assert fastest_input_rate(triangle, np.array([math.nan] * phase.size), 1.0) == 0.0
+    assert fastest_input_rate(triangle, phase, 25.0) == 0.0  # too small to be seen
 
 
 def test_a_step_between_held_values_is_as_slow_as_the_sequence() -> None:

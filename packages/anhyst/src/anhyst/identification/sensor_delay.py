@@ -4,7 +4,7 @@ Eddy currents and a delay of the sensor have the same effect on slow loops. Just
 reversal of the current, they differ: the flux in iron with eddy currents begins to deviate from its
 smooth course at the reversal itself (as a power of the time of 1 without eddy currents, of 3/2 if
 the field diffuses into a slab, of 2 behind a shorted turn), and a delay moves this beginning. The
-output around each reversal is a polynomial plus a sum of these powers with nonnegative factors. The
+output around each reversal is a polynomial plus these powers with nonnegative factors. The
 delay is that of the smallest misfit, in the window with the smallest sum of scatter and bias.
 Neither a hysteresis law nor a rate law is needed.
 """
@@ -25,8 +25,9 @@ from anhyst.data.path import find_branches
 from anhyst.data.speeds import SpeedGroups
 from anhyst.support.numeric import FloatArray
 
-POWERS = (1.0, 1.5, 2.0)
-"""Powers of the time after a reversal with which the output of any iron begins to deviate."""
+POWERS = ((1.0, 1.0), (1.0, 1.5), (1.0, 2.0), (1.0, 3.0), (-1.0, 3.0))
+"""Signs and powers of the time after a reversal with which the output of any iron begins to deviate;
+the cubes are the next order."""
 WINDOW_DIVISORS = (3.0, 5.0, 7.0, 9.0, 11.0, 14.0, 18.0)
 """Mean duration of a branch divided by the half-width of the window around a reversal."""
 MIN_WINDOW_SAMPLES = 8
@@ -234,6 +235,6 @@ def _misfit_by_delay(time: FloatArray, output: FloatArray) -> FloatArray:
     misfits = []
     for delay in _SEARCH_SHARES:
         late = np.clip(time - delay, 0.0, None)
-        basis = np.stack([late**power for power in POWERS], axis=1)
+        basis = np.stack([sign * late**power for sign, power in POWERS], axis=1)
         misfits.append(nnls(basis - polynomial @ (polynomial.T @ basis), fall)[1] ** 2)
     return np.array(misfits)
