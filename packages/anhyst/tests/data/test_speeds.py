@@ -68,7 +68,7 @@ def test_the_rate_of_a_triangle_is_its_slope(samples: int) -> None:
 
 def test_a_step_between_held_values_is_as_slow_as_the_sequence() -> None:
     drive = np.repeat([0.0, 1.0, 0.0, 1.0], 1000)
-    assert fastest_input_rate(drive, 1e-3 * np.arange(4000), 1.0) == pytest.approx(1.0, rel=1e-3)
+    assert fastest_input_rate(drive, np.linspace(0.0, 4.0, 4000), 1.0) == pytest.approx(1.0, rel=1e-3)
 
 
 def test_only_the_fast_part_is_flagged() -> None:
