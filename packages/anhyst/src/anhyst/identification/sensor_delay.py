@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -52,6 +52,7 @@ class SensorDelay:
 
     seconds: float  # s; negative if the input seems late
     error: float  # standard error including the bias, s
+    misfit: float = 0.0  # rms misfit of the curves around the reversals, units of the output
 
     def __str__(self) -> str:
         """Return what was removed, as a sentence."""
@@ -83,37 +84,39 @@ def find_sensor_delay(speeds: SpeedGroups) -> SensorDelay | None:
 def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
     """Return the delay of the output of loops of one speed; None if their reversals do not show it."""
     records = [record for record in map(_unroll, loops) if record is not None]
-    branches = [branch for record in records for branch in _branch_times(record)]
+    branches = [
+        float(time[branch.stop - 1] - time[branch.start])
+        for time, drive, _ in records
+        for branch in find_branches(drive)[1:-1]
+    ]
     if not branches:
         return None
     branch_time = float(np.median(branches))
     step = max(float(np.median(np.diff(time))) for time, _, _ in records)
     reversals = [found for record in records for found in _find_reversals(*record, branch_time)]
     noise = max(estimate_noise(loop.output) for loop in loops)
-    fits: list[_WindowFit] = []
+    fits: list[SensorDelay] = []
     for divisor in WINDOW_DIVISORS:
         window = branch_time / divisor
         if window < MIN_WINDOW_SAMPLES * step:
             break
-        centres = {0.0} | {fit.delay for fit in fits[-1:]}
+        centres = {0.0} | {fit.seconds for fit in fits[-1:]}
         near = (_fit_window(reversals[:_MAX_REVERSALS], centre, window, noise) for centre in centres)
         fits += sorted(filter(None, near), key=lambda fit: fit.misfit)[:1]
-    best = min(fits, key=lambda fit: fit.error, default=None)
-    return None if best is None else SensorDelay(best.delay, best.error)
+    return min(fits, key=lambda fit: fit.error, default=None)
 
 
 def remove_sensor_delay(loops: Loops, delay: SensorDelay) -> Loops:
     """Shift all outputs by a delay. A steady-state cycle keeps its samples."""
     shifted = []
     for loop in loops.loops:
+        record = _unroll(loop)
+        assert record is not None
         assert loop.time is not None
+        time, _, output = record
         later = loop.time + delay.seconds
-        if loop.history.kind == "settled":
-            period = float(loop.time[-1] - loop.time[0] + np.median(np.diff(loop.time)))
-            shifted.append(replace(loop, output=np.interp(later, loop.time, loop.output, period=period)))
-            continue
-        is_inside = (later >= loop.time[0]) & (later <= loop.time[-1])
-        output = np.interp(later, loop.time, loop.output)[is_inside]
+        is_inside = later <= time[-1]
+        output = np.interp(later, time, output)[is_inside]
         shifted.append(replace_columns(loop, itemgetter(is_inside), output=output))
     return loops.with_loops(shifted)
 
@@ -124,18 +127,13 @@ _Record = tuple[FloatArray, FloatArray, FloatArray]
 
 def _unroll(loop: Loop) -> _Record | None:
     """Return a record; a steady-state cycle is repeated, so that all its reversals are inside."""
-    if loop.time is None or loop.n < 4 * MIN_WINDOW_SAMPLES:
+    if loop.time is None:
         return None
     if loop.history.kind != "settled":
         return loop.time, loop.input, loop.output
     period = float(loop.time[-1] - loop.time[0] + np.median(np.diff(loop.time)))
     time = np.concatenate([loop.time, loop.time + period])
     return time, np.tile(loop.input, 2), np.tile(loop.output, 2)
-
-
-def _branch_times(record: _Record) -> list[float]:
-    time, drive, _ = record
-    return [float(time[branch.stop - 1] - time[branch.start]) for branch in find_branches(drive)[1:-1]]
 
 
 def _find_reversals(
@@ -151,48 +149,34 @@ def _find_reversals(
             continue
         corner = _fit_corner(time[near] - tip, drive[near], _CORNER_SHARE * window)
         depth = float(np.mean(np.abs(drive[near[[0, -1]]] - drive[branch.stop - 1])))
-        if corner is None or abs(corner.slope_change) * window < 2.0 * MIN_SHARPNESS * depth:
+        if corner is None or abs(corner[1]) * window < 2.0 * MIN_SHARPNESS * depth:
             continue
         sign = float(np.sign(2.0 * output[branch.stop - 1] - output[near[[0, -1]]].sum()))
-        found.append(_Reversal(time[rows] - tip - corner.time, sign * output[rows], corner.rounding))
+        found.append(_Reversal(time[rows] - tip - corner[0], sign * output[rows], corner[2]))
     return found
 
 
-@dataclass(frozen=True)
-class _Corner:
-    """Intersection of the parabolas before and after a reversal of the input."""
+def _fit_corner(time: FloatArray, drive: FloatArray, margin: float) -> tuple[float, float, float] | None:
+    """Fit parabolas to the input before and after a reversal at time 0, without a margin.
 
-    time: float  # s
-    slope_change: float  # units of the input per s
-    rounding: float  # square of the time constant of a first-order lag that rounds it so, s^2
-
-
-def _fit_corner(time: FloatArray, drive: FloatArray, margin: float) -> _Corner | None:
-    """Fit parabolas to the input before and after a reversal at time 0, without a margin."""
+    Return the time at which they intersect, the change of the slope there, and the square of the
+    time constant of a first-order lag that rounds the reversal so.
+    """
     before, after = time < -margin, time > margin
     if min(np.count_nonzero(before), np.count_nonzero(after)) < 4:
         return None
     coefficients = [np.polyfit(time[part], drive[part], 2) for part in (before, after)]
-    slope_change = float(coefficients[1][1] - coefficients[0][1])
+    _, slope_change, difference = coefficients[1] - coefficients[0]
     if slope_change == 0.0:
         return None
-    offset = float(coefficients[0][2] - coefficients[1][2]) / slope_change
+    offset = float(-difference / slope_change)
     sides = np.where(time < offset, *(np.polyval(side, time) for side in coefficients))
-    return _Corner(offset, slope_change, 2.0 * float(np.trapezoid(drive - sides, time)) / slope_change)
-
-
-@dataclass(frozen=True)
-class _WindowFit:
-    """Delay in windows of one length."""
-
-    delay: float  # s
-    error: float  # standard error including the bias, s
-    misfit: float  # rms misfit, units of the output
+    return offset, float(slope_change), 2.0 * float(np.trapezoid(drive - sides, time) / slope_change)
 
 
 def _fit_window(
     reversals: Sequence[_Reversal], centre: float, window: float, noise: float
-) -> _WindowFit | None:
+) -> SensorDelay | None:
     """Return the delay near a centre; None if the reversals show no delay there."""
     delays, rows, counts = centre + window * _SEARCH_SHARES, [], []
     for reversal in reversals:
@@ -212,7 +196,7 @@ def _fit_window(
     systematic = max(0.0, 1.0 - noise**2 / variance) * float(np.mean(counts))
     rounding = max(0.0, float(np.mean([reversal.rounding for reversal in reversals])))
     square = scatter**2 * max(1.0, chi_square) * (1.0 + systematic) + (BIAS_SHARE * window) ** 2 + rounding
-    return _WindowFit(delay, float(np.sqrt(square)), float(np.sqrt(variance)))
+    return SensorDelay(delay, float(np.sqrt(square)), float(np.sqrt(variance)))
 
 
 def _weigh(
