@@ -88,6 +88,21 @@ def test_lag_of_the_iron_and_rounded_reversals_are_not_a_delay(iron: str, lag: f
     assert found.seconds < MIN_SIGMAS * found.error
 
 
+def test_a_last_sample_that_repeats_the_first_does_not_matter() -> None:
+    loop = cycle("slab", 50.0, 3e-4, np.random.default_rng(1))
+    assert loop.time is not None
+    closed = replace(
+        loop,
+        input=np.append(loop.input, loop.input[0]),
+        output=np.append(loop.output, loop.output[0]),
+        schedule=np.full(SAMPLES + 1, 3e-4),
+        time=np.append(loop.time, 0.02),
+    )
+    found = estimate_sensor_delay([closed])
+    assert found is not None
+    assert found.seconds == pytest.approx(3e-4, abs=3e-5)
+
+
 def test_smooth_or_slow_drives_do_not_show_a_delay() -> None:
     random = np.random.default_rng(1)
     loop = cycle("slab", 50.0, 3e-4, random)

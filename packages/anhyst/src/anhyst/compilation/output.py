@@ -104,7 +104,7 @@ class Compiled(CompiledFolder):
         """Warnings for the user, one sentence each; usually there are none."""
         notes = list(self.left_out)
         budget_run = np.array(self.plan.model.valid_range.input), np.array([0.0, CROSSING_TIME_S])
-        notes += describe_fast_drives(self.plan.model, [budget_run])
+        notes += describe_fast_drives(self.plan.model, [budget_run], "in the accuracy budget, ")
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
             notes.append(

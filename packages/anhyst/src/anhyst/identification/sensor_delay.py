@@ -131,9 +131,12 @@ def _unroll(loop: Loop) -> _Record | None:
         return None
     if loop.history.kind != "settled":
         return loop.time, loop.input, loop.output
-    period = float(loop.time[-1] - loop.time[0] + np.median(np.diff(loop.time)))
-    time = np.concatenate([loop.time, loop.time + period])
-    return time, np.tile(loop.input, 2), np.tile(loop.output, 2)
+    time, step = loop.time, float(np.median(np.diff(loop.time)))
+    is_closed = abs(loop.input[-1] - loop.input[0]) < 0.5 * np.median(np.abs(np.diff(loop.input)))
+    rows = np.arange(loop.n - is_closed)  # without a last sample that repeats the first
+    period = time[rows[-1]] - time[0] + step
+    time = np.concatenate([time[rows], time[rows] + period])
+    return time, np.tile(loop.input[rows], 2), np.tile(loop.output[rows], 2)
 
 
 def _find_reversals(
@@ -170,8 +173,9 @@ def _fit_corner(time: FloatArray, drive: FloatArray, margin: float) -> tuple[flo
     if slope_change == 0.0:
         return None
     offset = float(-difference / slope_change)
-    sides = np.where(time < offset, *(np.polyval(side, time) for side in coefficients))
-    return offset, float(slope_change), 2.0 * float(np.trapezoid(drive - sides, time) / slope_change)
+    rounding = drive - np.where(time < offset, *(np.polyval(side, time) for side in coefficients))
+    twice_area = float(np.diff(time) @ (rounding[1:] + rounding[:-1]))
+    return offset, float(slope_change), twice_area / float(slope_change)
 
 
 def _fit_window(

@@ -92,7 +92,9 @@ def flag_samples(
     return is_valid, tuple(flags)
 
 
-def describe_fast_drives(model: ModelData, runs: Iterable[tuple[FloatArray, FloatArray]]) -> tuple[str, ...]:
+def describe_fast_drives(
+    model: ModelData, runs: Iterable[tuple[FloatArray, FloatArray]], place: str = ""
+) -> tuple[str, ...]:
     """Return a warning if a drive changes faster than the loops of a model allow.
 
     A run is a pair of drives and times.
@@ -105,7 +107,7 @@ def describe_fast_drives(model: ModelData, runs: Iterable[tuple[FloatArray, Floa
     if fastest <= MAX_RATE_RATIO * limits.input_rate:
         return ()
     name = model.input.name.replace("_", " ")
-    return (f"the {name} changes faster than was measured: {_describe_rate(model, fastest)}",)
+    return (f"{place}the {name} changes faster than was measured: {_describe_rate(model, fastest)}",)
 
 
 def _describe_rate(model: ModelData, fastest: float) -> str:
