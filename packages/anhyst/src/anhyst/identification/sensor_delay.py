@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 
 import numpy as np
@@ -103,7 +103,12 @@ def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
         centres = {0.0} | {fit.seconds for fit in fits[-1:]}
         near = (_fit_window(reversals[:_MAX_REVERSALS], centre, window, noise) for centre in centres)
         fits += sorted(filter(None, near), key=lambda fit: fit.misfit)[:1]
-    return min(fits, key=lambda fit: fit.error, default=None)
+    best = min(fits, key=lambda fit: fit.error, default=None)
+    if best is None:
+        return None
+    wider = fits[: fits.index(best) + 1]
+    contradiction = max(abs(best.seconds - fit.seconds) - fit.error for fit in wider)
+    return replace(best, error=float(np.hypot(best.error, max(0.0, contradiction))))
 
 
 def remove_sensor_delay(loops: Loops, delay: SensorDelay) -> Loops:
