@@ -33,8 +33,8 @@ WINDOW_DIVISORS = (3.0, 5.0, 7.0, 9.0, 11.0, 14.0, 18.0)
 MIN_WINDOW_SAMPLES = 8
 """Smallest number of samples in a window on each side of a reversal."""
 BIAS_SHARE = 0.03
-"""Bias of the delay by the shape of the loop, as a fraction of the half-width of the window: the
-largest of 32 virtual magnets (docs/rate.md)."""
+"""Bias of the delay by the shape of the loop, as a fraction of the half-width of the window. With it,
+no delay is removed on 96 virtual magnets without a delay (docs/rate.md)."""
 MIN_SIGMAS = 3.0
 """Number of standard errors above which a delay is not a property of the loop."""
 MIN_SHARPNESS = 0.8
