@@ -17,7 +17,7 @@ from anhyst.support.toml_text import toml_value
 from anhyst_rigs.rig.measuring import HeldMagnet, HeldRig
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.rig.sensor_table import Sensors
-from anhyst_rigs.study.excite.design import Bound, Specimen, Winding
+from anhyst_rigs.study.excite.design import Bound, Specimen, Supply, Winding, fast_cycles
 from anhyst_rigs.study.excite.excite import Excitation, excite, measure_gaps, read_specimen
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
@@ -229,6 +229,34 @@ def test_fast_cycles_stay_within_limits_and_show_eddy_currents(tmp_path: Path) -
     assert speeds is not None
     assert {loop.label for group in speeds.fast for loop in group} == {loop.label for loop in quick}
     assert "rate matters" in describe_rate(found.loops)
+
+
+def test_a_weak_supply_limits_the_amplitude_and_slower_cycles_have_it_too(tmp_path: Path) -> None:
+    specimen = solid_bearing(tmp_path, "[30.0, 300.0, 600.0]")
+    top = specimen.max_current.value
+    # The full current is possible up to 200 A/s, half of it up to 400 A/s.
+    supply = Supply(600.0, 400.0 / top)
+    slow, fast = (Bound(rate, "amplifier.supply_V") for rate in (200.0, 400.0))
+    weak = replace(specimen, gaps=specimen.gaps[:1], supply=supply, max_rate=slow, max_fast_rate=fast)
+    assert fast_cycles(weak, top) == [
+        (30.0, top), (30.0, 0.75 * top), (30.0, 0.5 * top),
+        (300.0, 0.75 * top), (300.0, 0.5 * top), (400.0, 0.5 * top),
+    ]  # fmt: skip
+    found = measure_gaps(weak)
+    peak = found.probed_gaps[0].peak.value
+    cycles = {loop.label: loop for loop in found.loops.loops if "A/s" in loop.label}
+    assert len(cycles) == len(fast_cycles(weak, peak))
+    for loop in cycles.values():
+        assert loop.time is not None
+        rate = float(np.ptp(loop.input)) * 4.0 / float(loop.time[-1])
+        assert rate + supply.rate_per_ampere * float(loop.input.max()) < 1.05 * supply.rate_without_current
+    texts = [note for note in found.notes if "eddy currents at this rate" in note]
+    assert len(texts) == len(
+        {rate for rate, top in fast_cycles(weak, peak) if supply.current_at(rate) < 0.95 * peak}
+    )
+    assert any("400 A/s instead of 600 A/s" in note for note in found.notes)
+    strong = replace(specimen, supply=Supply(1e6, 1.0))
+    assert fast_cycles(strong, top) == [(30.0, top), (300.0, top), (600.0, top)]
 
 
 def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() -> None:

@@ -11,6 +11,7 @@ import pytest
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Dynamics
+from anhyst.model.schema import ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.units import MU_0, QUANTITIES
 from tests.refusals import refused
@@ -75,11 +76,19 @@ def test_a_missing_time_is_reported() -> None:
 
 
 def test_a_run_faster_than_the_fitted_data_is_flagged() -> None:
-    model = replace(STACK, dynamics=replace(STACK.dynamics or Dynamics(), fastest=0.5))
-    slow = model.predict(DRIVE, time=TIME)
-    fast = model.predict(DRIVE, time=TIME / 10.0)
-    assert not any("Hz" in text for text in slow.warnings)
-    assert any("validated only up to 0.5 Hz" in text for text in fast.warnings)
+    limits = ValidRange((0.0, 120.0), (0.0, 1e-2), input_rate=190.0)
+    for model in (replace(STACK, valid=limits), replace(STACK, valid=limits, dynamics=None)):
+        slow = model.predict(DRIVE, time=TIME)
+        fast = model.predict(DRIVE, time=TIME / 10.0)
+        back = model.invert(fast.output, time=TIME / 10.0)
+        assert slow.valid.all()
+        assert not slow.warnings
+        assert not fast.valid.all()
+        assert sum("loops up to 190 V/s were fitted" in text for text in fast.warnings) == 1
+        assert sum("loops up to 190 V/s were fitted" in text for text in back.warnings) == 1
+        assert model.predict(DRIVE, time=TIME, history="settled").valid.all()
+    unknown = replace(STACK, valid=replace(limits, input_rate=None))
+    assert not unknown.predict(DRIVE, time=TIME / 10.0).warnings
 
 
 @pytest.mark.parametrize(

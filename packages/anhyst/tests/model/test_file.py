@@ -41,7 +41,7 @@ COMPLETE = Model(
     schedule=QUANTITIES["gap"],
     nodes=(0.3e-3, 0.4e-3, 0.6e-3),
     history=History("conditioned", (0.0, 2.0, 0.0)),
-    valid=ValidRange((0.0, 2.0), (0.0, 80.0), (0.3e-3, 0.6e-3)),
+    valid=ValidRange((0.0, 2.0), (0.0, 80.0), (0.3e-3, 0.6e-3), 12.5),
     fit=FitFigures(
         largest_output=80.0,
         mean_abs=0.1,
@@ -200,6 +200,8 @@ def line_of(path: Path, beginning: str) -> int:
         ("^history.*", 'history = "warm"', "history", "unknown-history history: 'warm'"),
         ("^I_A = .*", "I_A = [2, 0]", "I_A", "range-reversed valid.I_A"),
         ("^I_A = .*", "I_A = [2]", "I_A", "too-short valid.I_A"),
+        ("^I_rate_A_per_s = .*", "I_rate_A_per_s = 0.0", "I_rate", "greater-than valid.I_rate_A_per_s"),
+        ("^I_rate_A_per_s = .*", "I_rate = 12.5", "I_rate = ", "unit-missing valid.I_rate"),
         ("^std = .*", "std = [1]", "std", "length-differs uncertainty.std"),
         ("^samples.*", "samples = 1.5", "samples", "int-type fit.loop[1].samples"),
         ("^samples", "sample", "sample", "extra-forbidden fit.loop[1].sample"),

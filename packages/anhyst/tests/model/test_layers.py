@@ -11,6 +11,7 @@ import pytest
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.diff import diff
 from anhyst.model.dynamics import Dynamics, Layers
+from anhyst.model.schema import ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
@@ -62,8 +63,9 @@ def test_a_settled_cycle_is_that_which_it_becomes_when_repeated() -> None:
 def test_time_is_asked_for_and_a_faster_record_is_noted() -> None:
     with refused("time-missing t_s"):
         SOLID.predict(DRIVE)
-    assert SOLID.predict(DRIVE, time=FAST).notes == ()
-    assert any("Hz" in note for note in SOLID.predict(DRIVE, time=FAST / 4.0).notes)
+    measured = replace(SOLID, valid=ValidRange((0.0, 4.0), (0.0, 1e4), input_rate=628.0))
+    assert measured.predict(DRIVE, time=FAST).warnings == ()
+    assert "628 A/s were fitted" in " ".join(measured.predict(DRIVE, time=FAST / 4.0).warnings)
 
 
 def test_a_difference_in_layers_is_a_difference() -> None:

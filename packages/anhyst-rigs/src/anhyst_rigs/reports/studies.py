@@ -31,6 +31,7 @@ def study_output(result: StudyResult, summary: TerminalSummary, files_text: str)
     yield f"written: {files_text}"
     yield from tables
     yield from lines
+    yield from result.speed_notes
     for name, reason in getattr(result, "left_out", {}).items():
         yield f"left out: {name}: {reason}"
 

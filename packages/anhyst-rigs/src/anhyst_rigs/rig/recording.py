@@ -115,6 +115,15 @@ class Recording:
         return float(time[1] - time[0])
 
     @property
+    def current_runs(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Currents, A, and times, s, of each magnet."""
+        return [
+            (values, self["t_s"])
+            for name, values in self.columns.items()
+            if name.startswith("current_") and name.endswith("_A") and "read" not in name
+        ]
+
+    @property
     def loss_text(self) -> str:
         """Text with time and reason of the loss of control; empty if control was not lost."""
         loss = self.loss

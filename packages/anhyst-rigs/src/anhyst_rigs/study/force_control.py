@@ -17,6 +17,7 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data.table import check_format, read_columns
 from anhyst.model.actuator import Model
+from anhyst.model.prediction import describe_fast_drives
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike, atomic_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
@@ -76,6 +77,8 @@ class ForceControl(StudyResult):
         Comparison of the actuator with the measured loops.
     verified : Verification, optional
         Verification of the compiled C, if the rig was made from loops.
+    speed_notes : tuple of str
+        A warning if the currents changed faster than the loops of the model allow.
     """
 
     kind: ClassVar = "force"
@@ -85,6 +88,7 @@ class ForceControl(StudyResult):
     outcomes: tuple[ForceOutcome, ...]
     plant: PlantCheck
     verified: Verification | None = None
+    speed_notes: tuple[str, ...] = ()
 
     @property
     def compiled(self) -> Path:
@@ -207,7 +211,9 @@ def force_control(
         for outcome in outcomes:
             _write_trial(fitted_rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
         write_json(folder / FIGURES_FILE, results)
-    return ForceControl(fitted_rig, Path(out), results, tuple(outcomes), plant)
+    runs = [run for outcome in outcomes for run in outcome.recordings["full"].current_runs]
+    notes = describe_fast_drives(models["stroke"], runs)
+    return ForceControl(fitted_rig, Path(out), results, tuple(outcomes), plant, speed_notes=notes)
 
 
 def _compiled_methods(model: Model) -> tuple[MethodName, ...]:

@@ -14,7 +14,6 @@ from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compilation.controller import MAX_CURRENT_RATIO
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
-from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -285,10 +284,11 @@ def _adapt_to_board(model: Model, active_model: Model, kind: Kind) -> Model:
 
 def _make_force_plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
     """Plan a force model for the signals and the limits of a board."""
-    valid_range = ValidRange(
-        _intersect_ranges(model.valid_range.input, limits.current),
-        _intersect_ranges(model.valid_range.output, limits.demand),
-        _covered_gaps(model, scales),
+    valid_range = replace(
+        model.valid_range,
+        input=_intersect_ranges(model.valid_range.input, limits.current),
+        output=_intersect_ranges(model.valid_range.output, limits.demand),
+        schedule=_covered_gaps(model, scales),
     )
     return make_plan(replace(model, valid=valid_range), request, 0, scales=scales)
 

@@ -41,7 +41,6 @@ from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
 from anhyst.data.surface import Surface
 from anhyst.model.actuator import Model
-from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.cache import cached_result
 from anhyst.support.errors import InputError
@@ -67,7 +66,8 @@ def restrict_model(
             code="gaps-not-covered",
             key="model",
         )
-    return replace(model, valid=ValidRange(currents, forces, gaps))
+    valid_range = replace(model.valid_range, input=currents, output=forces, schedule=gaps)
+    return replace(model, valid=valid_range)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from anhyst.compensate.budget import (
     ADVICE,
     Budget,
@@ -28,6 +30,7 @@ from anhyst.compensate.budget import (
     percent,
 )
 from anhyst.compensate.force_controller import SignalFormat
+from anhyst.compensate.measure import CROSSING_TIME_S
 from anhyst.compensate.plan import (
     DEFAULT_ACCURACY_PERCENT,
     CompileRequest,
@@ -57,6 +60,7 @@ from anhyst.compilation.vectors import (
 )
 from anhyst.control.controller_file import read_controller
 from anhyst.model.actuator import Model, read_model
+from anhyst.model.prediction import describe_fast_drives
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, json_text
 from anhyst.support.errors import InputError, NegativeResult
@@ -99,6 +103,8 @@ class Compiled(CompiledFolder):
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the user, one sentence each; usually there are none."""
         notes = list(self.left_out)
+        budget_run = np.array(self.plan.model.valid_range.input), np.array([0.0, CROSSING_TIME_S])
+        notes += describe_fast_drives(self.plan.model, [budget_run], "in the accuracy budget, ")
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
             notes.append(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, is_even
@@ -25,6 +28,17 @@ MIN_HEIGHT_INCREASE = 0.01
 _MIN_HEIGHT_SIGMAS = 4.0
 """Number of standard deviations of the noise that a height difference must exceed."""
 
+MAX_RATE_RATIO = 1.5
+"""Ratio of the input rate of a run to the fastest fitted input rate above which a run is flagged."""
+MIN_TRAVEL_SHARE = 0.1
+"""Smallest change of the input that has a rate, as a fraction of the input range of the model."""
+_HELD_SHARE = 0.01
+"""Largest distance from its first value of an input that is held, as a fraction of the input range."""
+_MIN_TRAVEL_SIGMAS = 6.0
+_MAX_NOISE_TRAVEL_SHARE = 0.3
+"""The smallest change is increased by this number of standard deviations of the noise of a
+difference, at most by this fraction of the input range."""
+
 
 def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
     """Return the rate of the cycles in a record, Hz; 0 without time or reversals."""
@@ -32,6 +46,61 @@ def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
         return 0.0
     reversals = reversal_count(drive)
     return (reversals + 1) / (2.0 * float(time[-1] - time[0])) if reversals else 0.0
+
+
+def fastest_input_rate(drive: FloatArray, time: FloatArray | None, input_range: float) -> float:
+    """Return the fastest rate of an input, units of the input per s; 0 if it is unknown."""
+    return find_fast_samples(drive, time, input_range, math.inf)[0]
+
+
+def find_fast_samples(
+    drive: FloatArray, time: FloatArray | None, input_range: float, max_rate: float
+) -> tuple[float, NDArray[np.bool_]]:
+    """Return the fastest rate of an input, and which samples are faster than a rate.
+
+    The rate is the slope between the means of two adjacent blocks of 1, 2, 4, ... samples. It counts
+    if the means differ by `MIN_TRAVEL_SHARE` of the input range of the model. A held input counts
+    as one sample in the middle of its time, so a step between held values is as slow as the
+    sequence of values.
+    """
+    is_fast, fastest = np.zeros(drive.size + 1, dtype=np.intp), 0.0
+    if time is None or not _is_clock(time) or input_range <= 0.0:
+        return 0.0, is_fast[:-1] > 0
+    time = _spread_times(time - time[0])
+    starts = _find_held_starts(drive, _HELD_SHARE * input_range)
+    counts = np.diff(starts, append=drive.size)
+    sums = [np.cumsum(np.append(0.0, np.add.reduceat(row, starts) / counts)) for row in (drive, time)]
+    noise_travel = _MIN_TRAVEL_SIGMAS * math.sqrt(2.0) * estimate_noise(drive) / input_range
+    block = 1
+    while 2 * block <= starts.size:
+        drive_means, time_means = ((row[block:] - row[:-block]) / block for row in sums)
+        travel = np.abs(drive_means[block:] - drive_means[:-block])
+        seconds = time_means[block:] - time_means[:-block]
+        share = MIN_TRAVEL_SHARE + min(noise_travel / math.sqrt(block), _MAX_NOISE_TRAVEL_SHARE)
+        rates = np.where(travel >= share * input_range, travel, 0.0) / np.maximum(seconds, 1e-300)
+        fastest = max(fastest, float(rates.max()))
+        # A block of equal steps begins half the distance of the means before its mean.
+        is_over = rates > max_rate
+        begin = (time_means[:-block] - 0.5 * seconds)[is_over]
+        np.add.at(is_fast, np.searchsorted(time, begin), 1)
+        np.add.at(is_fast, np.searchsorted(time, begin + 2.0 * seconds[is_over], "right"), -1)
+        block *= 2
+    return fastest, np.cumsum(is_fast)[:-1] > 0
+
+
+def _is_clock(time: FloatArray) -> bool:
+    """Whether times are finite, never decrease, and increase at least once."""
+    return bool(np.all(np.diff(time) >= 0.0) and time[0] < time[-1] < math.inf)
+
+
+def _find_held_starts(drive: FloatArray, band: float) -> NDArray[np.intp]:
+    """Return the first sample of each stretch in which the input stays within a band."""
+
+    def follow(state: float, value: float) -> float:
+        return min(max(state, value - band), value + band)
+
+    followed = np.fromiter(accumulate(drive.tolist(), follow), np.float64, drive.size)
+    return np.flatnonzero(np.diff(followed, prepend=np.nan) != 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +167,14 @@ def spread_equal_times(loops: Loops) -> Loops:
     """Distribute samples with equal times evenly up to the next time, for coarse clocks."""
     if not any(loop.time is not None and np.any(np.diff(loop.time) == 0.0) for loop in loops.loops):
         return loops
-    changed_loops = [replace(loop, time=_spread_times(loop.time)) for loop in loops.loops]
+    changed_loops = [
+        loop if loop.time is None else replace(loop, time=_spread_times(loop.time)) for loop in loops.loops
+    ]
     return loops.with_loops(changed_loops, "samples with equal times are distributed up to the next time")
 
 
-def _spread_times(time: FloatArray | None) -> FloatArray | None:
+def _spread_times(time: FloatArray) -> FloatArray:
     """Return times that increase evenly from the first sample of each stamp to the next stamp."""
-    if time is None:
-        return None
     stamp_rows = np.flatnonzero(np.diff(time, prepend=-np.inf))
     step = (time[stamp_rows[-1]] - time[stamp_rows[-2]]) / (stamp_rows[-1] - stamp_rows[-2])
     end_time = time[-1] + step * (time.size - stamp_rows[-1])

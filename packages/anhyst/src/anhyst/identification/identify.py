@@ -33,6 +33,7 @@ from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import MAX_ERROR_RATIO, continue_rate_fit, fit_rate, remove_rate_effect
 from anhyst.identification.run import MAX_SEARCH_SAMPLES, IdentifyResult, Outcome, SearchRun
+from anhyst.identification.sensor_delay import find_sensor_delay, remove_sensor_delay
 from anhyst.identification.space import SERIES_MAPS
 from anhyst.identification.uncertainty import (
     assess_uncertainty,
@@ -82,7 +83,10 @@ def identify(
     plausibility_warnings = check_plausible(loops)
     can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
     loops = spread_equal_times(loops) if can_fit_rate else loops
-    speeds = group_by_speed(loops) if can_fit_rate else None
+    speeds, delay_text = group_by_speed(loops) if can_fit_rate else None, ""
+    if speeds is not None and (delay := find_sensor_delay(speeds)) is not None:
+        loops, delay_text = remove_sensor_delay(loops, delay), str(delay)
+        speeds = group_by_speed(loops)
 
     def fit_static(static_loops: Loops, previous_outcome: Outcome | None) -> Outcome:
         """Find the model of loops of one speed; with a previous outcome, continue its fit."""
@@ -122,7 +126,7 @@ def identify(
 
     outcome = _fit_all_speeds(loops, fit_static, speeds)
     lag = describe_coil_lag(loops)
-    warnings = [*plausibility_warnings, *([lag] if lag else []), *_warnings(loops, outcome)]
+    warnings = [*plausibility_warnings, *filter(None, (lag, delay_text)), *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -133,6 +137,7 @@ def identify(
         "gap_map_reason": outcome.map_reason,
         "dead_band": outcome.dead_band,
         **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
+        **({"sensor_delay": delay_text} if delay_text else {}),
     }
     histories = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
     common_records = {

@@ -25,6 +25,7 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.output_map import OutputMap, output_map
+from anhyst.data.speeds import fastest_input_rate
 from anhyst.identification.cell_kernel import SCALE_NAMES, WeightKernel
 from anhyst.identification.default_search import FoundModel, descend_from
 from anhyst.identification.fit_records import MAX_REST_SHARE
@@ -192,7 +193,7 @@ def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
 
 
 def valid_range(loopset: Loops) -> ValidRange:
-    """Return the measured range."""
+    """Return the measured range, and the fastest change of the input."""
 
     def span(values: list[FloatArray]) -> tuple[float, float]:
         return min(float(range_values.min()) for range_values in values), max(float(v.max()) for v in values)
@@ -201,10 +202,12 @@ def valid_range(loopset: Loops) -> ValidRange:
     low, high = span([loop.input for loop in loopset.loops])
     if 0.0 < low <= MAX_REST_SHARE * high:
         low = 0.0  # despite the sensor offset, a drive at rest is in range
+    input_rate = max(fastest_input_rate(loop.input, loop.time, high - low) for loop in loopset.loops)
     return ValidRange(
         input=(low, high),
         output=span([loop.output for loop in loopset.loops]),
         schedule=(gaps[0], gaps[-1]) if gaps else None,
+        input_rate=input_rate or None,
     )
 
 

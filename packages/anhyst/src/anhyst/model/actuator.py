@@ -150,6 +150,8 @@ class Model(Result, ModelData):
         if (valid_range := self.valid) is not None:
             facts[self.input.name] = range_text(*valid_range.input, self.input.unit)
             facts[self.output.name] = range_text(*valid_range.output, self.output.unit)
+            if valid_range.input_rate is not None:
+                facts["measured up to"] = f"{valid_range.input_rate:.3g} {self.input.unit}/s"
             if valid_range.schedule is not None and self.schedule is not None:
                 facts["holds from"] = " to ".join(map(self.schedule.show, valid_range.schedule))
         if (fit := self.fit) is not None:

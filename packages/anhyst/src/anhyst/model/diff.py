@@ -155,6 +155,7 @@ def _compared_settings(model: Model) -> dict[str, Value]:
         f"valid {model.input.symbol}": valid_range.input if valid_range else None,
         f"valid {model.output.symbol}": valid_range.output if valid_range else None,
         "valid schedule": valid_range.schedule if valid_range else None,
+        f"valid rate of {model.input.symbol}": valid_range.input_rate if valid_range else None,
     }
 
 

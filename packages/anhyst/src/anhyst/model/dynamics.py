@@ -34,15 +34,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.speeds import cycle_rate
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 GAMMA_NAME = "gamma (A s/(m T))"
 """Name of gamma among the fitted quantities."""
-
-MAX_RATE_RATIO = 1.5
-"""Ratio of the rate of a run to the highest validated rate above which the run is flagged."""
 
 
 @dataclass(frozen=True)
@@ -212,14 +208,3 @@ class EddyCircuit:
         if self.excess > 0.0:
             parts.append(f"excess field of {self.excess:.3g} A/m at 1 T/s")
         return ", ".join(parts) or "none"
-
-
-def describe_too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:
-    """Return a warning if a run is much faster than the highest validated rate."""
-    rate = cycle_rate(drive, time)
-    if dynamics.fastest == 0.0 or rate <= MAX_RATE_RATIO * dynamics.fastest:
-        return ()
-    return (
-        f"the record runs at {rate:.3g} Hz, but the model was validated only up to "
-        f"{dynamics.fastest:.3g} Hz: loops widen with their rate; measure and identify at this rate",
-    )

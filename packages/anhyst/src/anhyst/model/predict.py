@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from anhyst._core import status_text
 from anhyst.data.path import History, HistoryLike
 from anhyst.laws.law import IronOperator
-from anhyst.model.dynamics import describe_too_fast
 from anhyst.model.model_data import ModelData
 from anhyst.model.parameters import Circuit
 from anhyst.model.prediction import BoolArray, InputKind, Prediction, flag_samples
@@ -113,7 +112,8 @@ def _run_without_dynamics(
     runs = list(_split_runs(model, schedule_values, inputs.size))
     results = [_run_stretch(record, run, history_before) for run in runs]
     drive, output = (inputs, record.results) if kind == "drive" else (record.results, inputs)
-    is_valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable)
+    clock = None if time is None else as_samples(time, "time", inputs.size)
+    is_valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable, clock)
     if not record.reachable.all():
         zero_flux_output = model.circuit(schedule_values, np.zeros(inputs.size)).output(np.zeros(inputs.size))
         output = np.where(record.reachable, inputs, zero_flux_output)
@@ -123,8 +123,6 @@ def _run_without_dynamics(
             f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
             f"so each part starts with the history again ({history_before})"
         )
-    if model.dynamics is not None and time is not None:
-        notes += describe_too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
     cycles = [inputs[run] for run in runs] if history_before.kind == "settled" else []
     if any(
         cycle.size > 2 and abs(cycle[-1] - cycle[0]) > 2.0 * np.abs(np.diff(cycle)).max() for cycle in cycles
@@ -182,7 +180,7 @@ def _run_with_dynamics(
         drive, output = np.interp(time + dynamics.lag, time, run.drive), inputs
     elif dynamics.times:
         output = convert_creep(run.flux_density)
-    is_valid, flags = flag_samples(model, kind, drive, output, schedules, reachable & run.reachable)
+    is_valid, flags = flag_samples(model, kind, drive, output, schedules, reachable & run.reachable, time)
     return replace(run, drive=drive, output=output, valid=is_valid, flags=flags)
 
 

@@ -194,8 +194,7 @@ def _compute_runs(
                 code=error.code,
                 key=error.key,
             ) from None
-    # an unused time column may be invalid
-    time = table.get("time") if model.needs_time else None
+    time = table.get("time") if model.needs_time else _read_measured(table, "time")
     runs = _find_runs(table, schedule, are_settled=history.startswith("settled"))
     histories = _find_histories(model, direction, table, runs, values, schedule, history)
     computed_values, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
@@ -217,7 +216,7 @@ def _compute_runs(
         reachable[rows] = result.reachable
         notes.update(result.notes)
     drive, output = (values, computed_values) if is_prediction else (computed_values, values)
-    is_valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
+    is_valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, time, runs)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += (

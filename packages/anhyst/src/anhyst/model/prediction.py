@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst.data.path import History
+from anhyst.data.speeds import MAX_RATE_RATIO, fastest_input_rate, find_fast_samples
 from anhyst.model.model_data import ModelData
+from anhyst.model.schema import ValidRange
 from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, length_scale, range_text, thinning_slice
@@ -39,9 +42,14 @@ def flag_samples(
     output: FloatArray,
     schedule: FloatArray | None,
     reachable: BoolArray,
-    rows: bool = False,
+    time: FloatArray | None = None,
+    runs: Sequence[NDArray[np.intp]] | None = None,
 ) -> tuple[BoolArray, tuple[str, ...]]:
-    """Flag samples outside the valid range; also return warnings in words."""
+    """Flag samples outside the valid range, or too fast; also return warnings in words.
+
+    `runs` are the rows of a file that were run separately; None for one run of samples.
+    """
+    rows = runs is not None
     is_valid, flags = reachable.copy(), []
     if not reachable.all():
         flags.append(_describe_samples(reachable, output, model.output.unit, rows, _UNREACHABLE))
@@ -75,7 +83,53 @@ def flag_samples(
             )
             text = _describe_samples(is_inside, values, quantity.unit, rows, description)
             flags.append(": ".join(filter(None, (text, out_of_range_texts.get(quantity)))))
+    if time is not None and model.valid.input_rate is not None:
+        is_slow, fastest = _find_slow(model.valid, drive, time, runs or [np.arange(drive.size)])
+        is_valid &= is_slow
+        if not is_slow.all():
+            description = f"change faster than was measured: {_describe_rate(model, fastest)}"
+            flags.append(_describe_samples(is_slow, drive, model.input.unit, rows, description))
     return is_valid, tuple(flags)
+
+
+def describe_fast_drives(
+    model: ModelData, runs: Iterable[tuple[FloatArray, FloatArray]], place: str = ""
+) -> tuple[str, ...]:
+    """Return a warning if a drive changes faster than the loops of a model allow.
+
+    A run is a pair of drives and times.
+    """
+    limits = model.valid
+    if limits is None or limits.input_rate is None:
+        return ()
+    input_range = limits.input[1] - limits.input[0]
+    fastest = max(fastest_input_rate(drive, time, input_range) for drive, time in runs)
+    if fastest <= MAX_RATE_RATIO * limits.input_rate:
+        return ()
+    name = model.input.name.replace("_", " ")
+    return (f"{place}the {name} changes faster than was measured: {_describe_rate(model, fastest)}",)
+
+
+def _describe_rate(model: ModelData, fastest: float) -> str:
+    """Return the rate of a run and of the fitted loops, and what to measure."""
+    unit, fitted = f"{model.input.unit}/s", model.valid_range.input_rate
+    exception = "" if model.input.name == "voltage" else ", unless the iron is laminated"
+    return (
+        f"up to {fastest:.3g} {unit}, loops up to {fitted:.3g} {unit} were fitted; measure loops at "
+        f"{fastest:.3g} {unit} too{exception}"
+    )
+
+
+def _find_slow(
+    valid_range: ValidRange, drive: FloatArray, time: FloatArray, runs: Sequence[NDArray[np.intp]]
+) -> tuple[BoolArray, float]:
+    """Return which samples are slow enough for a model, and the fastest rate of all runs."""
+    is_slow, fastest = np.ones(drive.size, dtype=np.bool_), 0.0
+    (low, high), max_rate = valid_range.input, MAX_RATE_RATIO * (valid_range.input_rate or math.inf)
+    for run in runs:
+        rate, is_fast = find_fast_samples(drive[run], time[run], high - low, max_rate)
+        is_slow[run], fastest = ~is_fast, max(fastest, rate)
+    return is_slow, fastest
 
 
 def describe_far_value(

@@ -202,7 +202,7 @@ class _Reader:
             key_path = key_paths.get(problem.key, ("parameters", problem.key))
             self.file.add_problem(self._file_path(key_path), problem.text, code=problem.code)
         for key, limits in content.get("valid", {}).items():
-            if limits[0] > limits[1]:
+            if isinstance(limits, list) and limits[0] > limits[1]:
                 text = "the first must not exceed the second"
                 self.file.add_problem(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:

@@ -74,6 +74,8 @@ class ValidRange(FileRecord):
     output: Range
     # smallest and largest scheduling value, SI; None without a scheduling variable
     schedule: Range | None = None
+    # fastest fitted change of the input, units of the input per s; None if the loops have no times
+    input_rate: Annotated[FiniteNumber, Field(gt=0.0)] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -378,7 +380,9 @@ def section_names(
 ) -> dict[tuple[str, ...], Names]:
     """Return the keys with units of each table (``[[fit.loop]]`` as ``fit, loop``)."""
     deviations = {name: (name, column(name, output_quantity.unit)) for name in output_fields(FitFigures)}
+    rate_name = f"{drive.symbol}_rate"
     ranges = {
+        "input_rate": (rate_name, column(rate_name, f"{drive.unit}/s")),
         "input": (drive.symbol, drive.column),
         "output": (output_quantity.symbol, output_quantity.column),
     }

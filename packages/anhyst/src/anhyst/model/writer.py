@@ -62,7 +62,8 @@ EDDY_CIRCUIT_COMMENT = """
 # delay of the flux inside the ring, and the excess field at a rate of the flux density of 1 T/s.
 """
 VALID_COMMENT = """
-# Smallest and largest measured values. Outside, results are computed and flagged.
+# Smallest and largest measured values, and the fastest change of the input if the loops have times.
+# Outside, or 1.5 times as fast, results are computed and flagged.
 """
 FIT_COMMENT = """
 # Deviation of the model from its measurement: mean absolute, root mean square and largest. left_out:

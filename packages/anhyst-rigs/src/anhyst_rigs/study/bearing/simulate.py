@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from anhyst.compensate.methods import BASELINE_METHODS, MODEL_METHODS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
+from anhyst.model.prediction import describe_fast_drives
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -168,6 +169,11 @@ class Simulation(StudyResult):
                 f"{1e9 * highest_step.interval('standstill_rms_m').mean:.0f} nm"
             )
         return facts | self.losses_fact()
+
+    @property
+    def speed_notes(self) -> tuple[str, ...]:
+        """A warning if the currents changed faster than the loops of the model allow."""
+        return describe_fast_drives(self.knowledge.model, self.recording.current_runs)
 
     def to_columns(self) -> dict[str, Any]:
         """Return the metrics of all steps, one row per variant, gap and height, SI or per cent."""

@@ -318,6 +318,11 @@ class StudyResult(Result):
     def as_dict(self) -> dict[str, Any]:
         """Return the content of ``figures.json``."""
 
+    @property
+    def speed_notes(self) -> tuple[str, ...]:
+        """A warning if the currents changed faster than the loops of the model allow."""
+        return ()
+
     def losses_fact(self) -> dict[str, str]:
         """Return the runs that lost control as a fact."""
         return {"lost in": "; ".join(self.lost_in)} if self.lost_in else {}

@@ -80,6 +80,22 @@ class Bound:
 
 
 @dataclass(frozen=True, slots=True)
+class Supply:
+    """Voltage of the amplifier, which is shared by resistance and inductance of the winding."""
+
+    rate_without_current: float  # voltage divided by inductance, A/s
+    rate_per_ampere: float  # resistance divided by inductance, 1/s; above 0
+
+    def rate_at(self, current: float) -> float:
+        """Return the largest rate of the current at a current, A/s."""
+        return self.rate_without_current - self.rate_per_ampere * current
+
+    def current_at(self, rate: float) -> float:
+        """Return the largest current at a rate of the current, A."""
+        return (self.rate_without_current - rate) / self.rate_per_ampere
+
+
+@dataclass(frozen=True, slots=True)
 class Specimen:
     """The magnet or piezo stage that is measured, and its limits.
 
@@ -104,6 +120,8 @@ class Specimen:
     drive: str = "current"  # quantities that the loops contain
     output: str = "force"
     is_bipolar: bool = False  # whether the current can have both signs
+    supply: Supply | None = None  # None if the largest rate does not depend on the current
+    max_fast_rate: Bound | None = None  # limit of the rate of fast cycles; None: `max_rate`
 
     @property
     def units(self) -> tuple[str, str]:
@@ -129,8 +147,9 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
             Bound(-USED_SENSOR_RANGE_FRACTION * current_sensor.low_A, "current_sensor.low_A"),
         ]
         forces.append(Bound(-USED_SENSOR_RANGE_FRACTION * force_sensor.low_N, "force_sensor.low_N"))
-    spare_voltage = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
+    inductance = poles.inductance(min(gaps))
+    supply = Supply(amplifier.supply / inductance, poles.resistance / inductance)
     specimen = _make_specimen(
         HeldBearing(rig),
         gaps,
@@ -139,7 +158,8 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         operating_force=_default_operating_force(rig),
         currents=currents,
         min_current=max(amplifier.current_low_A, USED_SENSOR_RANGE_FRACTION * current_sensor.low_A),
-        supply_rate=Bound(spare_voltage / poles.inductance(min(gaps)), "amplifier.supply_V"),
+        supply_rate=Bound(supply.rate_at(campaign.current_max_A), "amplifier.supply_V"),
+        supply=supply,
         sensor_force=min(forces, key=lambda limit: limit.value),
     )
     return replace(
@@ -246,6 +266,7 @@ def _make_specimen(
     min_current: float,
     supply_rate: Bound,
     sensor_force: Bound,
+    supply: Supply | None = None,
 ) -> Specimen:
     """Combine the limits of instruments, [measurement] and [excite]; the tightest applies."""
     if campaign is not None:
@@ -253,6 +274,10 @@ def _make_specimen(
     currents += _optional_bound(excite.current_max_A, "current_max_A")
     current = min(currents, key=lambda limit: limit.value)
     rates = [supply_rate, *_optional_bound(excite.rate_max_A_per_s, "rate_max_A_per_s")]
+    fast_rates = rates
+    if supply is not None:
+        fastest = supply.rate_at(MIN_FAST_PEAK_TO_MAX_CURRENT * current.value)
+        fast_rates = [Bound(fastest, supply_rate.key), *rates[1:]]
     forces = [sensor_force, *_optional_bound(excite.force_max_N, "force_max_N")]
     winding = None
     if excite.continuous_A is not None and excite.thermal_s is not None:
@@ -271,6 +296,8 @@ def _make_specimen(
         sample_s=DEFAULT_SWEEP_S / SAMPLES_PER_SWEEP if campaign is None else campaign.sample_s,
         conditioning_cycles=CONDITIONING_CYCLES if campaign is None else campaign.conditioning_cycles,
         pause_s=0.0 if campaign is None else campaign.pause_s,
+        supply=supply,
+        max_fast_rate=min(fast_rates, key=lambda limit: limit.value),
     )
 
 
@@ -301,6 +328,10 @@ PEAK_REDUCTION = 0.97
 """Factor by which the peak is repeatedly reduced until the winding stays cool enough."""
 MIN_PEAK_TO_MAX_CURRENT = 0.25
 """Smallest ratio of the peak to the largest current. Loops with a smaller peak are not useful."""
+MIN_FAST_PEAK_TO_MAX_CURRENT = 0.5
+"""The same ratio of fast cycles whose peak the supply limits."""
+MIN_PEAK_DIFFERENCE = 0.05
+"""Smallest relative difference of the peaks of cycles that are both measured at a rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,17 +417,37 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
     }
     beginning = tuple(approach_reversals), approach
     records = [Record(name, *beginning, path, history, specimen.sample_s) for name, path in paths.items()]
-    cycles = sweep_path([0.0, *[peak, 0.0] * FAST_CYCLES], 2.0 * peak / SAMPLES_PER_FAST_CYCLE)
-    for speed in fast_cycle_rates(specimen):
-        sample = 2.0 * peak / (SAMPLES_PER_FAST_CYCLE * speed)
-        name = f"{speed:.4g}{specimen.units[0]}/s"
-        records.append(Record(name, *beginning, cycles, history, sample, is_fast=True))
+    unit = specimen.units[0]
+    for speed, cycle_peak in fast_cycles(specimen, peak):
+        step = 2.0 * cycle_peak / SAMPLES_PER_FAST_CYCLE
+        cycles = sweep_path([0.0, *[cycle_peak, 0.0] * FAST_CYCLES], step)
+        name = f"{speed:.4g}{unit}/s" + ("" if cycle_peak == peak else f"-{cycle_peak:.3g}{unit}")
+        records.append(Record(name, *beginning, cycles, history, step / speed, is_fast=True))
     return records
 
 
 def fast_cycle_rates(specimen: Specimen) -> list[float]:
-    """Return the permitted rates of additional full cycles, A/s."""
-    return sorted({min(speed, specimen.max_rate.value) for speed in specimen.fast_rates})
+    """Return the permitted rates of additional cycles, A/s."""
+    limit = specimen.max_fast_rate or specimen.max_rate
+    return sorted({min(speed, limit.value) for speed in specimen.fast_rates})
+
+
+def fast_cycles(specimen: Specimen, peak: float) -> list[tuple[float, float]]:
+    """Return rate, A/s, and peak, A, of each fast cycle.
+
+    Each rate has the largest peak that the supply permits, and the smaller peaks of all faster
+    rates. Otherwise, the effects of rate and amplitude could not be separated.
+    """
+    supply, cycles = specimen.supply, []
+    rates = fast_cycle_rates(specimen)
+    peaks = [peak if supply is None else min(peak, supply.current_at(rate)) for rate in rates]
+    for number, rate in enumerate(rates):
+        selected: list[float] = []
+        for candidate in peaks[number:]:
+            if not selected or candidate < (1.0 - MIN_PEAK_DIFFERENCE) * selected[-1]:
+                selected.append(candidate)
+        cycles += [(rate, cycle_peak) for cycle_peak in selected]
+    return cycles
 
 
 def _minor_loop_reversals(peak: float, operating: float, swing_ratios: Sequence[float]) -> list[float]:

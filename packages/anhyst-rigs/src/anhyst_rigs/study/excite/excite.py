@@ -33,6 +33,7 @@ from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.rig.sensor_table import Sensors
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.study.excite.design import (
+    MIN_PEAK_DIFFERENCE,
     OPERATING_RANGE,
     Bound,
     Record,
@@ -42,6 +43,7 @@ from anhyst_rigs.study.excite.design import (
     current_step,
     design_records,
     fast_cycle_rates,
+    fast_cycles,
     find_thermal_peak,
     force_specimen,
     stack_specimen,
@@ -439,10 +441,19 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
             f"{specimen.conditioning_cycles} cycles from 0 to the largest {specimen.drive} instead of "
             "demagnetised"
         )
+    fast_limit = specimen.max_fast_rate or specimen.max_rate
     notes += [
-        f"full cycles at {specimen.max_rate.value:.4g} A/s instead of {speed:.4g} A/s: {specimen.max_rate.key}"
+        f"full cycles at {fast_limit.value:.4g} A/s instead of {speed:.4g} A/s: {fast_limit.key}"
         for speed in specimen.fast_rates
-        if speed > specimen.max_rate.value
+        if speed > fast_limit.value
+    ]
+    peak = max(place.peak.value for place in probed_gaps)
+    largest_peaks = dict(reversed(fast_cycles(specimen, peak)))  # the first peak of a rate is the largest
+    notes += [
+        f"cycles at {speed:.4g} A/s only up to {cycle_peak:.3g} A: {fast_limit.key}; eddy currents at this rate "
+        "and a larger current are not measured"
+        for speed, cycle_peak in sorted(largest_peaks.items())
+        if cycle_peak < (1.0 - MIN_PEAK_DIFFERENCE) * peak
     ]
     recommended_rate = FASTEST_TO_REQUIRED_RATE * max(place.required_current_rate for place in probed_gaps)
     if specimen.fast_rates and recommended_rate > max(fast_cycle_rates(specimen)):

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from anhyst.compensate.methods import METHODS
+from anhyst.model.prediction import describe_fast_drives
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, map_ordered
@@ -225,6 +226,8 @@ class TrackingStudy(StudyResult):
         Variants that could not be made, and the reason.
     losses : sequence of LossResult
         Behaviour of the stage with the compensator after each loss that the rig file names.
+    speed_notes : tuple of str
+        A warning if the currents changed faster than the loops of the model allow.
     """
 
     kind: ClassVar = "tracking"
@@ -232,6 +235,7 @@ class TrackingStudy(StudyResult):
     variants: Mapping[MethodName, VariantResult]
     left_out: Mapping[MethodName, str]
     losses: Sequence[LossResult] = ()
+    speed_notes: tuple[str, ...] = ()
 
     @property
     def lost_in(self) -> list[str]:
@@ -480,7 +484,9 @@ def explore_stage(
     setups, left_out = make_variants(rig, identified_magnet, names)
     refuse_unstable(setups[COMPENSATOR], out)
     results = map_ordered(partial(evaluate_variant, identified_magnet), list(setups.values()), progress)
-    study = TrackingStudy(rig, dict(zip(setups, results, strict=True)), left_out)
+    variants = dict(zip(setups, results, strict=True))
+    notes = describe_fast_drives(identified_magnet.model, variants[COMPENSATOR].recording.current_runs)
+    study = TrackingStudy(rig, variants, left_out, speed_notes=notes)
     if rig.settings.loss_case is None or study.lost_in:
         return study
     flights = LossFlights(setups[COMPENSATOR], study.variants[COMPENSATOR].gains, rig.settings.loss_case)
