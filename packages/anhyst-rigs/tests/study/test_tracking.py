@@ -22,8 +22,8 @@ from anhyst_rigs.rig.stage.loop import Feedforward, pid_coefficients, track
 from anhyst_rigs.rig.stage.setpoint import motion_ticks
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.plants import ERROR_CASES
+from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.measures import Measures, cruise_slices, measure, settling_times
-from anhyst_rigs.study.tracking.simulate import find_gains
 from tests.study import stages
 
 SLIT = 0.01

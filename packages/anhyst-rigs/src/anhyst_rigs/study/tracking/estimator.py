@@ -213,7 +213,7 @@ class ParameterEstimator:
         relative_change = float(solution[is_mass].sum())
         mass_kg = self.law.rig.settings.body.mass_kg * (1.0 + relative_change)
         is_explained = self._is_explained(residual_N, motion.force_rms)
-        self.mass_kg = mass_kg if is_explained and abs(relative_change) > MIN_MASS_CHANGE else None
+        self.mass_kg = mass_kg if is_explained and abs(relative_change) > MIN_MASS_CHANGE and mass_kg > 0.0 else None
         return False
 
     def _residual_rms(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
