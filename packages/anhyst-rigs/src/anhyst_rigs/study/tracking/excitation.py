@@ -21,7 +21,7 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kinds import UNKNOWN_FILE, file_kind
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import ParameterName
+from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.rig.recording import Recording
@@ -38,8 +38,8 @@ from anhyst_rigs.rig.stage.setpoint import (
     tick_times,
 )
 from anhyst_rigs.study.tracking.bodies import COMPARISON_START_S, StageLaw
-from anhyst_rigs.study.tracking.estimator import ParameterEstimator
-from anhyst_rigs.study.tracking.motion import refuse_slow_amplifier
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator, calibrate_from_motions
+from anhyst_rigs.study.tracking.motion import MotionLaw, refuse_slow_amplifier
 from anhyst_rigs.study.tracking.simulate import COMPENSATOR, refuse_unstable
 
 if TYPE_CHECKING:
@@ -200,7 +200,24 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
         )
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
+    _refuse_rejected_move(rig, *(_calibrate_run(estimator.law, tested) for tested in (run, training_run)))
     return CalibratingMove(legs, run, information(run), information(training_run))
+
+
+def _calibrate_run(law: MotionLaw, run: Recording) -> CalibratedMethod:
+    """Return the calibration from one recording."""
+    return calibrate_from_motions(law, [law.make_motion(run.columns)])
+
+
+def _refuse_rejected_move(rig: BodyRig, move: CalibratedMethod, training: CalibratedMethod) -> None:
+    """Raise an error if ``calibrate`` would reject the recording of a move."""
+    if move.is_applied:
+        return
+    advice = (
+        "record its own set-point instead" if training.is_applied else "its own set-point is rejected too"
+    )
+    text = f"calibrate would reject the recording of the move ({move.summary}); {advice}"
+    raise NegativeResult(f"{rig.path}: {text}", code="move-rejected")
 
 
 def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None = None) -> CalibratingMove:
