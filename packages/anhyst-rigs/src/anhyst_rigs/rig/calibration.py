@@ -175,17 +175,13 @@ class CalibrationFile(Table):
         masses = [table.mass_kg for table in (with_probe, by_current) if table and table.mass_kg]
         if not masses:
             return None
-        if with_probe is None or by_current is None:
-            return "weigh the body, and check the shunts and gap zeros before you correct body.mass_kg"
         if len(masses) == 2 and abs(masses[0] / masses[1] - 1.0) <= MAX_MASS_DIFFERENCE:
             return f"probes and currents agree on {masses[0]:.4g} kg: correct body.mass_kg"
-        if len(masses) == 2:
-            return (
-                "probes and currents report different masses: check the probes, the shunts and the gap zeros"
-            )
-        if with_probe.mass_kg:
-            return "only the probes report another mass: check their gains before you correct body.mass_kg"
-        return "the probes do not report another mass: check the shunts and the gap zeros, not body.mass_kg"
+        if with_probe is not None and with_probe.is_applied:
+            return "the probes do not confirm another mass: check the shunts and the gap zeros"
+        if by_current is not None and by_current.is_applied:
+            return "the currents do not confirm another mass: check the gains of the probes"
+        return "weigh the body, and check the gains of the sensors and the gap zeros"
 
     def for_method(self, method: MethodName) -> CalibratedMethod | None:
         """Return the calibration of a method; None if there is none."""

@@ -209,7 +209,7 @@ class ParameterEstimator:
         """Return what no error of the magnets explains in estimated values; empty if nothing."""
         values = motion_fit.values
         scales = np.array([values[name] for name in self._names if parameter_kind(name) == "scale"])
-        if scales.size > 1 and abs(np.sign(scales).sum()) == scales.size:
+        if self.law.is_mass_advisor and scales.size > 1 and abs(np.sign(scales).sum()) == scales.size:
             mean_scale = float(scales.mean())
             if abs(mean_scale) > MAX_COMMON_SCALE_SIGMA * self.prior_sigma["scale_1"]:
                 return f"all scales have one sign and a mean of {100.0 * mean_scale:.2g} %, as with a payload"

@@ -21,7 +21,7 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kinds import UNKNOWN_FILE, file_kind
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
+from anhyst_rigs.rig.calibration import ParameterName
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.rig.recording import Recording
@@ -146,17 +146,25 @@ class CalibratingMove:
         Recording of the virtual stage, an input of ``anhyst calibrate``.
     move, work : Information
         Information from the move, and from the training set-point of the rig file.
+    rejection : str or None
+        Why ``calibrate`` would reject the recording for the hysteresis model, and a remedy.
     """
 
     legs: Legs
     run: Recording
     move: Information
     work: Information
+    rejection: str | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of the JSON output."""
         legs = {axis: asdict(leg) for axis, leg in self.legs.items()}
-        return {"legs": legs, "move": asdict(self.move), "work": asdict(self.work)}
+        return {
+            "legs": legs,
+            "move": asdict(self.move),
+            "work": asdict(self.work),
+            "rejection": self.rejection,
+        }
 
     def figure(self) -> Figure:
         """Draw the accelerations of all coordinates, one after another."""
@@ -200,24 +208,23 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
         )
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
-    _refuse_rejected_move(rig, *(_calibrate_run(estimator.law, tested) for tested in (run, training_run)))
-    return CalibratingMove(legs, run, information(run), information(training_run))
+    rejection = _find_rejection(estimator.law, run, training_run)
+    if rejection is not None and rig.settings.hall_probe is None:
+        raise NegativeResult(f"{rig.path}: {rejection}", code="move-rejected")
+    return CalibratingMove(legs, run, information(run), information(training_run), rejection)
 
 
-def _calibrate_run(law: MotionLaw, run: Recording) -> CalibratedMethod:
-    """Return the calibration from one recording."""
-    return calibrate_from_motions(law, [law.make_motion(run.columns)])
-
-
-def _refuse_rejected_move(rig: BodyRig, move: CalibratedMethod, training: CalibratedMethod) -> None:
-    """Raise an error if ``calibrate`` would reject the recording of a move."""
+def _find_rejection(law: MotionLaw, run: Recording, training_run: Recording) -> str | None:
+    """Return why ``calibrate`` would reject the recording of a move, and a remedy; None if not."""
+    move, training = (
+        calibrate_from_motions(law, [law.make_motion(tested.columns)]) for tested in (run, training_run)
+    )
     if move.is_applied:
-        return
-    advice = (
+        return None
+    remedy = (
         "record its own set-point instead" if training.is_applied else "its own set-point is rejected too"
     )
-    text = f"calibrate would reject the recording of the move ({move.summary}); {advice}"
-    raise NegativeResult(f"{rig.path}: {text}", code="move-rejected")
+    return f"calibrate would reject '{law.method}' on this motion: {move.summary}; {remedy}"
 
 
 def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None = None) -> CalibratingMove:

@@ -144,7 +144,7 @@ class MotionLaw(ABC):
 
     @property
     def is_mass_advisor(self) -> bool:
-        """Whether the law is right in kind, so that a mass that explains a motion is reported."""
+        """Whether the law is right in kind, so that its errors do not resemble another mass."""
         return self.method not in ("single-valued", "play")
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
