@@ -44,8 +44,9 @@ MIN_ROWS = 100
 """Smallest number of rows in a recording."""
 MAX_READING = 1e30
 """Largest absolute value of a valid reading, SI units."""
-MIN_PAYLOAD_FRACTION = 0.5
-"""Smallest mean scale of a method, relative to that of a reported payload, for which it is rejected."""
+MIN_PAYLOAD_FRACTION = 0.4
+"""Smallest mean scale of a method, relative to that of a reported payload, for which it is rejected.
+Other parameters, such as the width, contain the rest of the payload."""
 FILE_HEADER = """\
 # Calibration of the magnets of a rig from motion, written by anhyst calibrate. A rig file names it
 # as control.calibration. Values are ratios or have units in their names; the mass scales forces."""
@@ -228,7 +229,7 @@ def bearing_laws(
 
 
 def _withdraw_payload(methods: Sequence[CalibratedMethod], mass_kg: float) -> list[CalibratedMethod]:
-    """Reject methods whose scales contain at least half of a payload that another method reports."""
+    """Reject methods whose scales contain a large part of a payload that another method reports."""
     masses = [method.mass_kg for method in methods if method.mass_kg is not None]
     if not masses:
         return list(methods)

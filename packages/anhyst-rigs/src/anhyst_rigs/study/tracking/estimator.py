@@ -157,11 +157,12 @@ class ParameterEstimator:
         square_sums = _SquareSums(count, count * force_N**2, count * motion_fit.residual_rms**2)
         max_residual_N = math.hypot(MAX_RESIDUAL_TO_INERTIAL_FORCE * force_N, self.noise_N)
         is_explained = motion_fit.residual_rms <= max_residual_N
-        self.reason = self._find_implausible_values(motion_fit) if is_explained else ""
+        lag_reason = self._find_acausal_lag(motion_fit) if is_explained else ""
+        self.reason = lag_reason or (self._find_common_scale(motion_fit.values) if is_explained else "")
         if not is_explained or self.reason or self._has_scale_at_bound(motion_fit.values):
             if not self.identified:
                 self._sums = square_sums
-            return self._reject_motion(motion, history, motion_fit.motion_rows)
+            return self._reject_motion(motion, history, motion_fit.motion_rows, can_be_mass=not lag_reason)
         if self.identified:
             square_sums = square_sums.plus_decayed(self._sums, retention)
         self.estimate, self.identified = motion_fit.values, motion_fit.identified
@@ -205,27 +206,30 @@ class ParameterEstimator:
         scales = [name for name in self._names if parameter_kind(name) == "scale"]
         return any(abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales)
 
-    def _find_implausible_values(self, motion_fit: _Fit) -> str:
-        """Return what no error of the magnets explains in estimated values; empty if nothing."""
-        values = motion_fit.values
+    def _find_common_scale(self, values: Mapping[ParameterName, float]) -> str:
+        """Return a text if the scales of all magnets deviate as with a payload; empty if not."""
         scales = np.array([values[name] for name in self._names if parameter_kind(name) == "scale"])
-        if self.law.is_mass_advisor and scales.size > 1 and abs(np.sign(scales).sum()) == scales.size:
-            mean_scale = float(scales.mean())
-            if abs(mean_scale) > MAX_COMMON_SCALE_SIGMA * self.prior_sigma["scale_1"]:
-                return f"all scales have one sign and a mean of {100.0 * mean_scale:.2g} %, as with a payload"
-        if "lag_s" in motion_fit.identified:
-            lag, rig = values["lag_s"], self.law.rig
-            sigma = self._posterior_sigma(
-                motion_fit.information, motion_fit.identified, motion_fit.residual_rms
-            )["lag_s"]
-            if lag < min(MIN_LAG_TICKS * rig.dt, -2.0 * sigma):
-                return (
-                    f"the lag of {1e6 * lag:.0f} us is below 0, which is not causal; "
-                    "correct timing.delay_ticks or the delays of the sensors"
-                )
-        return ""
+        has_one_sign = scales.size > 1 and abs(np.sign(scales).sum()) == scales.size
+        if not self.law.is_mass_advisor or not has_one_sign:
+            return ""
+        mean_scale = float(scales.mean())
+        if abs(mean_scale) <= MAX_COMMON_SCALE_SIGMA * self.prior_sigma["scale_1"]:
+            return ""
+        return f"all scales have one sign and a mean of {100.0 * mean_scale:.2g} %, as with a payload"
 
-    def _reject_motion(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
+    def _find_acausal_lag(self, motion_fit: _Fit) -> str:
+        """Return a text if the lag is below 0 by more than its uncertainty; empty if not."""
+        if "lag_s" not in motion_fit.identified:
+            return ""
+        lag, residual_N = motion_fit.values["lag_s"], motion_fit.residual_rms
+        sigma = self._posterior_sigma(motion_fit.information, motion_fit.identified, residual_N)["lag_s"]
+        if lag >= min(MIN_LAG_TICKS * self.law.rig.dt, -2.0 * sigma):
+            return ""
+        return f"a lag of {1e6 * lag:.0f} us is not causal: correct timing.delay_ticks or the delays of the sensors"
+
+    def _reject_motion(
+        self, motion: Motion, history: FloatArray, motion_rows: FloatArray, can_be_mass: bool = True
+    ) -> bool:
         """Discard a motion, and test whether another mass explains it."""
         self.rejected_count += 1
         force_per_mass = motion.force_per_unit["payload"][motion.compared_indices]
@@ -242,7 +246,8 @@ class ParameterEstimator:
         relative_change = float(solution[is_mass].sum())
         mass_kg = self.law.rig.settings.body.mass_kg * (1.0 + relative_change)
         is_mass_explaining = (
-            self.law.is_mass_advisor
+            can_be_mass
+            and self.law.is_mass_advisor
             and self.is_explained(residual_N, motion.force_rms)
             and abs(relative_change) > MIN_MASS_CHANGE
             and mass_kg > 0.0
