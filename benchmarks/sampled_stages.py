@@ -8,7 +8,7 @@ of its rig file. It is calibrated on one training set-point and evaluated on a t
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -43,7 +43,7 @@ FAULT_METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "fused
 TEST_SEEDS = (1, 2, 3)
 MAX_MASS_ERROR = 0.02
 """Largest relative error of a mass that counts as right."""
-FAULTS: dict[str, dict[str, float]] = {
+FAULTS: Mapping[str, Mapping[str, float]] = {
     "no fault": {},
     "payload 4 %": {"mass": 0.04},
     "payload -4 %": {"mass": -0.04},
@@ -103,7 +103,7 @@ def sample_iron(rng: np.random.Generator) -> dict[str, Any]:
 def sample_stage(seed: int, number: int) -> tuple[BodyRig, Drift]:
     """Sample a stage of 4 to 18 kg at 10 to 25 kHz with its set-points, and the drift of its plant."""
     rng = np.random.default_rng([seed, number])
-    iron = {
+    iron: dict[str, object] = {
         key: value if isinstance(value, str | int) else float(value)
         for key, value in sample_iron(rng).items()
     }
@@ -146,7 +146,7 @@ class SampledStage:
 
     def record_training(self, method: MethodName, fault: str = "no fault") -> Recording:
         """Return the recording of the training set-point with a fault, with mass feedforward."""
-        changes, rig = dict(FAULTS[fault]), self.rig
+        changes, rig = dict[str, Any](FAULTS[fault]), self.rig
         early_ticks, is_exchanged = changes.pop("early_ticks", 0.0), changes.pop("exchanged", 0.0)
         mass = changes.pop("mass", 0.0)
         magnets = tuple(

@@ -179,9 +179,7 @@ class CalibrationFile(Table):
             return f"probes and currents agree on {masses[0]:.4g} kg: correct body.mass_kg"
         if with_probe is not None and with_probe.is_applied:
             return "the probes do not confirm another mass: check the shunts and the gap zeros"
-        if by_current is not None and by_current.is_applied:
-            return "the currents do not confirm another mass: check the gains of the probes"
-        return "weigh the body, and check the gains of the sensors and the gap zeros"
+        return "weigh the body, and check the gains of currents and probes, and the gap zeros"
 
     def for_method(self, method: MethodName) -> CalibratedMethod | None:
         """Return the calibration of a method; None if there is none."""

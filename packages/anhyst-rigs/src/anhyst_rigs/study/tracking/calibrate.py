@@ -97,9 +97,7 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
         raise InputError(f"{source}: {sign_fault.text}", code="wrong-sign", key=sign_fault.column)
     if exchanged := law.find_exchanged_magnets(motion):
         text = f"{source}: the columns of the magnets {exchanged[0]} and {exchanged[1]} are exchanged"
-        raise NegativeResult(
-            f"{text}; nothing was estimated; correct the recording", code="magnets-exchanged"
-        )
+        raise NegativeResult(f"{text}; correct the recording", code="magnets-exchanged")
     return motion
 
 
@@ -235,14 +233,12 @@ def _withdraw_payload(methods: Sequence[CalibratedMethod], mass_kg: float) -> li
         return list(methods)
     payload_scale = -0.5 * (masses[-1] / mass_kg - 1.0)  # the force is proportional to current squared
     reason = f"its scales follow the mass of {masses[-1]:.4g} kg that another method reports"
-    return [
-        method.model_copy(update={"fits": False, "reason": reason})
-        if method.is_applied
-        and len(method.scale_values) > 1
-        and np.mean(method.scale_values) / payload_scale >= MIN_PAYLOAD_FRACTION
-        else method
-        for method in methods
-    ]
+
+    def has_payload(method: CalibratedMethod) -> bool:
+        return bool(np.mean(method.scale_values or [0.0]) / payload_scale >= MIN_PAYLOAD_FRACTION)
+
+    changes = {"fits": False, "reason": reason}
+    return [m.model_copy(update=changes) if m.is_applied and has_payload(m) else m for m in methods]
 
 
 def calibrate(

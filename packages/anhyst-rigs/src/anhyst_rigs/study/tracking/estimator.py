@@ -172,7 +172,7 @@ class ParameterEstimator:
 
     def _contradicting_rows(self, motion: Motion, history: FloatArray) -> FloatArray | None:
         """Return the information rows of a motion if it contradicts earlier ones, or None."""
-        residual_N = self.law.residual_rms(motion, self.estimate)
+        residual_N = rms(self.law.residual(motion, self.estimate))
         expected_N = max(self._sums.residual_rms, MIN_GATE_RESIDUAL_TO_INERTIAL_FORCE * motion.force_rms)
         limit_N = MAX_RESIDUAL_TO_EARLIER_RESIDUAL * expected_N
         if residual_N <= limit_N:
@@ -198,7 +198,7 @@ class ParameterEstimator:
             name for name in excited if sigma[name] <= self.law.max_sigma_ratio * self.prior_sigma[name]
         ]
         values = self._solve_values(information, identified)
-        residual_N = self.law.residual_rms(motion, values)
+        residual_N = rms(self.law.residual(motion, values))
         return _Fit(motion_rows, information, identified, values, residual_N)
 
     def _has_scale_at_bound(self, values: Mapping[ParameterName, float]) -> bool:
@@ -209,13 +209,11 @@ class ParameterEstimator:
     def _find_common_scale(self, values: Mapping[ParameterName, float]) -> str:
         """Return a text if the scales of all magnets deviate as with a payload; empty if not."""
         scales = np.array([values[name] for name in self._names if parameter_kind(name) == "scale"])
-        has_one_sign = scales.size > 1 and abs(np.sign(scales).sum()) == scales.size
-        if not self.law.is_mass_advisor or not has_one_sign:
+        if scales.size < 2 or abs(np.sign(scales).sum()) < scales.size or not self.law.is_mass_advisor:
             return ""
-        mean_scale = float(scales.mean())
-        if abs(mean_scale) <= MAX_COMMON_SCALE_SIGMA * self.prior_sigma["scale_1"]:
-            return ""
-        return f"all scales have one sign and a mean of {100.0 * mean_scale:.2g} %, as with a payload"
+        is_payload = abs(scales.mean()) > MAX_COMMON_SCALE_SIGMA * self.prior_sigma["scale_1"]
+        text = f"all scales have one sign and a mean of {100.0 * scales.mean():.2g} %, as with a payload"
+        return text if is_payload else ""
 
     def _find_acausal_lag(self, motion_fit: _Fit) -> str:
         """Return a text if the lag is below 0 by more than its uncertainty; empty if not."""
@@ -223,9 +221,9 @@ class ParameterEstimator:
             return ""
         lag, residual_N = motion_fit.values["lag_s"], motion_fit.residual_rms
         sigma = self._posterior_sigma(motion_fit.information, motion_fit.identified, residual_N)["lag_s"]
-        if lag >= min(MIN_LAG_TICKS * self.law.rig.dt, -2.0 * sigma):
-            return ""
-        return f"a lag of {1e6 * lag:.0f} us is not causal: correct timing.delay_ticks or the delays of the sensors"
+        is_acausal = lag < min(MIN_LAG_TICKS * self.law.rig.dt, -2.0 * sigma)
+        text = f"a lag of {1e6 * lag:.0f} us is not causal: correct timing.delay_ticks"
+        return text if is_acausal else ""
 
     def _reject_motion(
         self, motion: Motion, history: FloatArray, motion_rows: FloatArray, can_be_mass: bool = True
@@ -514,10 +512,9 @@ def _withheld_residuals(law: MotionLaw, motions: Sequence[Motion]) -> tuple[floa
             halves[0].append(law.make_motion(first_columns))
             halves[1].append(law.make_motion(motion.columns, middle))
     no_estimate = dict.fromkeys(law.names, 0.0)
-    residuals = [
-        [law.residual_rms(motion, values) for values in (_estimate(law, estimated).estimate, no_estimate)]
-        for estimated, withheld in (halves, halves[::-1])
-        for motion in withheld
-    ]
-    residual_N, plain_residual_N = np.sqrt(np.square(residuals).mean(axis=0)).tolist()
-    return residual_N, plain_residual_N
+    residuals, plain_residuals = list[FloatArray](), list[FloatArray]()
+    for estimated, withheld in (halves, halves[::-1]):
+        estimate = _estimate(law, estimated).estimate
+        residuals += [law.residual(motion, estimate) for motion in withheld]
+        plain_residuals += [law.residual(motion, no_estimate) for motion in withheld]
+    return rms(np.concatenate(residuals)), rms(np.concatenate(plain_residuals))

@@ -221,9 +221,7 @@ def _find_rejection(law: MotionLaw, run: Recording, training_run: Recording) -> 
     )
     if move.is_applied:
         return None
-    remedy = (
-        "record its own set-point instead" if training.is_applied else "its own set-point is rejected too"
-    )
+    remedy = "record its own set-point" if training.is_applied else "its own set-point is rejected too"
     return f"calibrate would reject '{law.method}' on this motion: {move.summary}; {remedy}"
 
 

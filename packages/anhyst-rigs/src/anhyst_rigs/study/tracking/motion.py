@@ -199,9 +199,9 @@ class MotionLaw(ABC):
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force that the model predicts for given parameters, filtered, N."""
 
-    def residual_rms(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
-        """Return the rms force of a motion that given parameter values do not explain, N."""
-        return rms((motion.measured_force - self.net_force(motion, values))[motion.compared_indices])
+    def residual(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
+        """Return the compared forces of a motion that given parameter values do not explain, N."""
+        return (motion.measured_force - self.net_force(motion, values))[motion.compared_indices]
 
 
 def round_to_grid(name: ParameterName, value: float) -> float:
