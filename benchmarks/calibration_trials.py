@@ -39,8 +39,8 @@ from anhyst_rigs.study.tracking.estimator import (
     calibrate_from_motions,
 )
 from anhyst_rigs.study.tracking.excitation import select_legs
+from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.measures import Measures, measure
-from anhyst_rigs.study.tracking.simulate import find_gains
 from tracking import RIG
 
 SEED = 31

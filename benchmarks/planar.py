@@ -23,8 +23,9 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.measures import LossFlights, cross_talk, measure
-from anhyst_rigs.study.tracking.simulate import COMPARED_METHODS, TrackingStudy, explore_stage, find_gains
+from anhyst_rigs.study.tracking.simulate import COMPARED_METHODS, TrackingStudy, explore_stage
 from rows import ROOT, Row
 from tests.study.test_losses import laid
 from tracking import with_iron

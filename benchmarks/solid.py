@@ -33,8 +33,8 @@ from anhyst_rigs.rig.stage.loop import track
 from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.bearing.inputs import read_files
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
+from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.measures import Measures, measure
-from anhyst_rigs.study.tracking.simulate import find_gains
 from rows import ROOT, Row
 from solid_magnets import FIRST_RINGED_MAGNET, MAGNET_COUNT, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron

@@ -59,8 +59,9 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.bearing.responses import compare_steps, default_seeds, group_by_step, judge_steps
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import VERDICT_TITLES, Interval, mean_interval, strongest_baseline
+from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.measures import Measures, measure
-from anhyst_rigs.study.tracking.simulate import find_gains, make_variants
+from anhyst_rigs.study.tracking.simulate import make_variants
 
 Array = FloatArray
 

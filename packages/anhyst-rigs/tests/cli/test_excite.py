@@ -97,6 +97,7 @@ def test_a_stage_is_calibrated_on_the_move_that_was_flown_for_it(tmp_path: Path)
     assert flown.returncode == 0, flown
     assert "not identifiable: gap_zero_1_m, gap_zero_2_m" in flown.stdout
     assert "its own set-point identifies the same parameters" in flown.stdout
+    assert "calibrate would reject 'full' on this motion" in flown.stderr
     assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
     learnt = quick("calibrate", "rig.toml", "run.csv", "-o", "c.toml", "--json", cwd=tmp_path)
     assert learnt.returncode == 0, learnt

@@ -17,8 +17,8 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.loop import track
 from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.measures import measure
-from anhyst_rigs.study.tracking.simulate import find_gains
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
 from tests.repository import ROOT

@@ -13,15 +13,17 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from anhyst import InputError
+from anhyst import InputError, NegativeResult
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs import Calibration, calibrate
 from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
-from anhyst_rigs.rig.drift import NO_DRIFT, Drift
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, change_rig
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
+from anhyst_rigs.study.tracking.bodies import StageLaw
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import explore_stage
 from tests.refusals import refused
@@ -78,7 +80,7 @@ def test_calibration_reduces_the_error_on_an_unseen_set_point() -> None:
         run = track(replace(setup, drift=WRONG_DRIFT), motion, Feedforward(), 2)
         return measure(run, motion, SLIT).force_rms_N
 
-    parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "play": 1.0, "fused": 0.5}
+    parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "fused": 0.5}
     for method, part in parts.items():
         assert moving_average(corrected(method)) < part * moving_average(stages.setup(method)), method
     assert moving_average(corrected()) < 0.4 * moving_average(corrected("play"))
@@ -158,7 +160,6 @@ def test_only_a_law_of_the_wrong_kind_is_reported_at_any_noise() -> None:
     assert learnt("full").fits
     assert learnt("flux").fits
     play = learnt("play")  # one play operator instead of the hysteresis model
-    assert play.fits
     assert play.residual_N > 2.0 * learnt("full").residual_N
     assert not learnt("single-valued").fits
     noisy = stages.stage().settings.with_changes({"position_sensor.noise_m": 5e-9})
@@ -167,6 +168,95 @@ def test_only_a_law_of_the_wrong_kind_is_reported_at_any_noise() -> None:
     run = track(made, training(), Feedforward(), 1)
     (found,) = calibrate(rig, run, magnet=bearings.knowledge(), methods=["full"]).file.method
     assert found.fits
+
+
+@pytest.mark.slow
+def test_estimates_that_lose_on_withheld_halves_are_rejected() -> None:
+    """Estimates of ``play`` from one turnaround increase the force error of the other one."""
+    play = learnt("play")
+    assert play.residual_N < 0.0075 * play.force_N
+    assert not play.is_applied
+    assert "in halves of the motion that are withheld" in play.summary
+    law = StageLaw(stages.stage(), bearings.knowledge(), "play")
+    columns, middle = recorded().columns, round(0.5 * len(recorded()))
+    estimator = ParameterEstimator(law)
+    estimator.update(law.make_motion({name: values[:middle] for name, values in columns.items()}))
+    withheld = law.make_motion(columns, middle)
+    assert estimator.identified
+    estimates = estimator.estimate, dict.fromkeys(law.names, 0.0)
+    residual_N, plain_residual_N = (rms(law.residual(withheld, values)) for values in estimates)
+    assert residual_N > plain_residual_N
+
+
+def run_with(drift: Drift, early_ticks: float = 0.0) -> Recording:
+    """Return the motion of a plant whose delay is shorter than that of the rig file."""
+    rig = stages.stage()
+    true_delay = {"timing.delay_ticks": rig.settings.timing.delay_ticks - early_ticks}
+    plant = replace(stages.setup("full"), rig=change_rig(rig, true_delay), drift=drift)
+    return track(plant, training(), Feedforward(1.0, early_ticks * rig.dt), 1)
+
+
+@pytest.mark.parametrize("part", [0.04, -0.04])
+def test_an_unstated_payload_is_named_and_nothing_is_taken(part: float, tmp_path: Path) -> None:
+    run, out = run_with(replace(WRONG_DRIFT, mass=part)), tmp_path / "calibration.toml"
+    found = calibrate(stages.stage(), run, out, magnet=bearings.knowledge(), methods=["full", "fused"])
+    assert not out.exists()
+    for method in found.file.method:
+        assert not method.is_applied
+        assert method.mass_kg == pytest.approx(10.0 * (1.0 + part), rel=0.015)
+    assert re.search("probes and currents agree on .* kg: correct body.mass_kg", found.facts()["payload"])
+
+
+@pytest.mark.parametrize(
+    "error", [Drift(first_scale=0.03), Drift(gap_offset=20e-6)], ids=["currents", "gaps"]
+)
+def test_sensors_that_are_off_are_not_taken_for_a_mass(error: Drift) -> None:
+    run = run_with(Drift(magnets=(error, error)))
+    found = calibrate_run(run, ["full", "fused"])
+    full, fused = found.file.method
+    assert fused.is_applied
+    assert not full.is_applied
+    assert "or a gain error of all currents, or wrong gap zeros" in full.summary
+    assert found.facts()["payload"].startswith("the probes do not confirm another mass: check the shunts")
+    alone = calibrate_run(run, ["full"])
+    assert alone.facts()["payload"].startswith("weigh the body")
+
+
+def test_a_law_of_another_kind_names_no_mass() -> None:
+    found = calibrate_run(run_with(replace(WRONG_DRIFT, mass=0.06)), ["single-valued", "play"])
+    for method in found.file.method:
+        assert method.mass_kg is None
+        assert not method.is_applied
+
+
+def test_a_method_that_follows_the_payload_of_another_one_is_withdrawn() -> None:
+    """The probes of this plant hide half of the payload."""
+    magnets = tuple(replace(magnet, flux_gain=-0.007) for magnet in WRONG_DRIFT.magnets)
+    run = run_with(replace(WRONG_DRIFT, mass=0.033, magnets=magnets))
+    assert calibrate_run(run, ["fused"]).has_estimates
+    full, fused = calibrate_run(run, ["full", "fused"]).file.method
+    assert full.mass_kg is not None
+    assert not fused.is_applied
+    assert "that another method reports" in fused.summary
+
+
+@pytest.mark.parametrize("early_ticks", [0.0, 1.0])
+def test_a_lag_below_zero_is_refused_as_not_causal(early_ticks: float) -> None:
+    (found,) = calibrate_run(run_with(replace(WRONG_DRIFT, eddy=0.0), early_ticks)).file.method
+    assert found.is_applied == (early_ticks == 0.0)
+    assert found.mass_kg is None
+    assert ("not causal: correct timing.delay_ticks" in found.summary) == (early_ticks > 0.0)
+
+
+@pytest.mark.parametrize("names", [("command",), ("command", "gap_read", "flux_read")])
+def test_exchanged_magnets_are_named_and_nothing_is_written(names: tuple[str, ...], tmp_path: Path) -> None:
+    units = {"command": "A", "gap_read": "m", "flux_read": "T"}
+    pairs = [(f"{name}_{units[name]}", f"{name}_2_{units[name]}") for name in names]
+    columns = {first: recorded()[second] for pair in pairs for first, second in (pair, pair[::-1])}
+    out = tmp_path / "calibration.toml"
+    with pytest.raises(NegativeResult, match="columns of the magnets 1 and 2 are exchanged"):
+        calibrate(stages.stage(), with_columns(**columns), out, magnet=bearings.knowledge())
+    assert not out.exists()
 
 
 @pytest.mark.slow

@@ -22,8 +22,8 @@ from anhyst_rigs.rig.stage.loop import Feedforward, pid_coefficients, track
 from anhyst_rigs.rig.stage.setpoint import motion_ticks
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.plants import ERROR_CASES
+from anhyst_rigs.study.tracking.gains import WITHHELD_FRACTION, find_gains, gains_text, withheld_turnarounds
 from anhyst_rigs.study.tracking.measures import Measures, cruise_slices, measure, settling_times
-from anhyst_rigs.study.tracking.simulate import find_gains
 from tests.study import stages
 
 SLIT = 0.01
@@ -82,6 +82,35 @@ def test_gains_use_the_average_weight_of_the_rig_file() -> None:
     plain, weighed = measures_with(0.0), measures_with(1.0)
     assert weighed.average_m < plain.average_m
     assert weighed.rms_m > plain.rms_m
+
+
+@pytest.mark.parametrize("acceleration", [1.0, 0.97])
+def test_gains_that_do_not_win_on_withheld_turnarounds_are_replaced_by_the_mass(
+    acceleration: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched = Feedforward(acceleration)
+    monkeypatch.setattr("anhyst_rigs.study.tracking.gains.search_gains", lambda *_: searched)
+    found = find_gains(stages.setup("full"), stages.training())
+    assert found == Feedforward()
+    assert found.searched_error_ratio is not None
+    assert found.searched_error_ratio >= 1.0
+    assert gains_text(found).startswith("the mass alone (searched gains / mass alone: ")
+
+
+def test_gains_that_absorb_a_force_error_are_kept() -> None:
+    found = find_gains(stages.setup("single-valued"), stages.training())
+    assert found != Feedforward()
+    assert found.searched_error_ratio is not None
+    assert found.searched_error_ratio < 0.9
+
+
+@given(st.lists(st.floats(1.0, 30.0), min_size=2, max_size=6))
+def test_withheld_turnarounds_stay_within_the_searched_accelerations(peaks: list[float]) -> None:
+    motion = replace(stages.training(), peaks=tuple(peaks))
+    withheld = withheld_turnarounds(motion)
+    assert withheld.peaks[0] == max(peaks) == max(withheld.peaks)
+    assert len(withheld.peaks) == 2 * len(peaks) - 1
+    assert min(withheld.peaks) >= WITHHELD_FRACTION * min(peaks)
 
 
 def test_the_loop_has_its_stated_crossover_and_enough_phase_margin() -> None:

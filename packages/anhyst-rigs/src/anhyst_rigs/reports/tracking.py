@@ -42,6 +42,7 @@ from anhyst_rigs.reports.study.task import SimulationTask
 from anhyst_rigs.rig.recording import Recording, moving_statistics
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
+from anhyst_rigs.study.tracking.gains import gains_text
 from anhyst_rigs.study.tracking.measures import (
     EXPOSURE_DELAY_S,
     LOSS_COLUMNS,
@@ -162,8 +163,9 @@ def figure_learning(variants: Mapping[MethodName, VariantResult]) -> Figure:
 def terminal_summary(study: TrackingStudy) -> TerminalSummary:
     """Return the terminal output for a stage."""
     lines = [
-        f"mean of {study.rig.settings.noise_seeds} noise seeds with its 95 % interval; gains found "
+        f"mean of {study.rig.settings.noise_seeds} noise seeds with its 95 % interval; gains searched "
         "on the training set-point",
+        gains_line(study),
         *(f"against '{name}': {verdict.sentence}" for name, verdict in study.verdicts.items()),
         *([] if study.lost_in else limit_texts(study)),
         *(
@@ -173,6 +175,12 @@ def terminal_summary(study: TrackingStudy) -> TerminalSummary:
         ),
     ]
     return TerminalSummary([comparison_table(study), *cross_tables(study), *loss_tables(study)], lines)
+
+
+def gains_line(study: TrackingStudy) -> str:
+    """Return which feedforward gains each variant uses, and why."""
+    texts = [f"'{name}' {gains_text(variant.gains)}" for name, variant in study.variants.items()]
+    return f"feedforward, by the error on withheld turnarounds: {', '.join(texts)}"
 
 
 def render(study: TrackingStudy, command: str) -> str:
@@ -251,8 +259,9 @@ def _headline(study: TrackingStudy) -> Headline:
         f"{1e3 * study.rig.gap:g}{NBSP}mm on a long stroke with an error of "
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
         f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
-        basis="Simulated. The gains of the feedforward were found for every variant by the same "
-        "search on a training set-point. All results are for a test set-point that was not used for it. "
+        basis="Simulated. The gains of the feedforward were searched for every variant on the same "
+        "training set-point, and replaced by the mass alone if they are not better on withheld "
+        "turnarounds. All results are for a test set-point that was not used for this. "
         f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
         notes=tuple(notes),
         tiles=tuple(
@@ -316,7 +325,7 @@ def _limit_section(study: TrackingStudy) -> Section:
         "limits",
         "Small forces, standstill, one repeated set-point",
         (
-            Items("Compared with the best single-valued curve", tuple(limit_texts(study))),
+            Items("Compared with the best single-valued curve", (*limit_texts(study), gains_line(study))),
             make_table(
                 "The same gains with a tenth of the accelerations; at standstill; gains found on "
                 "the test set-point itself",

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import CALIBRATION_FILE, MethodName
+from anhyst.support.kinds import CALIBRATION_FILE, FLUX_PROBE_METHODS, MethodName
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 from anhyst_rigs.rig.file import RigFile
 
@@ -58,6 +58,11 @@ PARAMETER_LIMITS: Mapping[str, float] = {
 """Largest absolute value of each kind of parameter. A larger value is not a valid calibration."""
 
 
+MAX_MASS_DIFFERENCE = 0.02
+"""Largest relative difference of two reported masses that agree: two standard deviations, if currents
+and probes of two magnets have independent gain errors of 0.5 %."""
+
+
 def parameter_kind(name: ParameterName) -> str:
     """Return the kind of a parameter: its name without the number of the magnet."""
     return re.sub(r"_\d+", "", name)
@@ -98,6 +103,7 @@ class CalibratedMethod(Table):
     # number of motions that were rejected because the hysteresis law did not explain them
     refused: Annotated[int, Field(ge=0)] = 0
     mass_kg: Positive | None = None  # mass that explains the last rejected motion
+    reason: str | None = None  # why a motion or the method was rejected, if this is known
     parameter: list[CalibratedParameter]
 
     @model_validator(mode="after")
@@ -117,13 +123,21 @@ class CalibratedMethod(Table):
             text = "the demanded force was too small"
         else:
             text = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
-            if not self.fits:
+            if not self.fits and not self.reason:
                 text += ": more than with a suitable law"
         if self.refused and self.is_applied:
             text += f"; {self.refused} other motions were rejected"
+        if self.reason:
+            text += f"; {self.reason}"
         if self.mass_kg is not None:
-            text += f"; a mass of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
+            gains = "all probes" if self.name in FLUX_PROBE_METHODS else "all currents, or wrong gap zeros,"
+            text += f"; a mass of {self.mass_kg:.4g} kg or a gain error of {gains} would explain it"
         return text if self.is_applied else f"{text}; no correction is applied"
+
+    @property
+    def scale_values(self) -> list[float]:
+        """The estimated scales of all magnets."""
+        return [p.value for p in self.parameter if parameter_kind(p.name) == "scale" and not p.frozen]
 
     def value(self, name: ParameterName) -> float:
         """Return the value of a parameter; 0 if it is absent or the hysteresis law does not fit."""
@@ -149,6 +163,23 @@ class CalibrationFile(Table):
     def _check_unique_methods(self) -> Self:
         _check_unique(method.name for method in self.method)
         return self
+
+    @property
+    def mass_advice(self) -> str | None:
+        """Comparison of the masses that currents and probes report; None if neither reports one."""
+        tables = {table.name: table for table in self.method}
+        with_probe, by_current = (
+            next((tables[name] for name in names if name in tables), None)
+            for names in (("fused", "flux"), ("full", "at-rest"))
+        )
+        masses = [table.mass_kg for table in (with_probe, by_current) if table and table.mass_kg]
+        if not masses:
+            return None
+        if len(masses) == 2 and abs(masses[0] / masses[1] - 1.0) <= MAX_MASS_DIFFERENCE:
+            return f"probes and currents agree on {masses[0]:.4g} kg: correct body.mass_kg"
+        if with_probe is not None and with_probe.is_applied:
+            return "the probes do not confirm another mass: check the shunts and the gap zeros"
+        return "weigh the body, and check the gains of currents and probes, and the gap zeros"
 
     def for_method(self, method: MethodName) -> CalibratedMethod | None:
         """Return the calibration of a method; None if there is none."""

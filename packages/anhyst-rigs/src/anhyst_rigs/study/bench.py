@@ -57,7 +57,8 @@ from anhyst_rigs.study.prepared_benches import (
     PreparedPiezo,
     PreparedStage,
 )
-from anhyst_rigs.study.tracking.simulate import COMPENSATOR, check_calibration, find_gains
+from anhyst_rigs.study.tracking.gains import find_gains
+from anhyst_rigs.study.tracking.simulate import COMPENSATOR, check_calibration
 
 
 def open_bench(

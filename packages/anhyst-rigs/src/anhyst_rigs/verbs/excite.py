@@ -121,6 +121,12 @@ def excite(
     return excitation
 
 
+def warnings(result: Excitation | CalibratingMove) -> list[str]:
+    """Return the warning that ``calibrate`` would reject the recording."""
+    rejection = getattr(result, "rejection", None)
+    return [] if rejection is None else [rejection]
+
+
 def show(result: Excitation | CalibratingMove, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the drives or the effect of the motion, and the files written."""
     from anhyst_rigs.study.excite.excite import Excitation

@@ -103,7 +103,7 @@ def identify(
         run = SearchRun(
             form=make_response_form(static_loops.input, static_loops.output, law_name),
             shapes=cells,
-            needs_cells=law != AUTO or speeds is not None,
+            needs_cells=law != AUTO or static_loops is not loops,  # their layers compile
             records=make_fit_records(static_loops, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),

@@ -62,6 +62,13 @@ class Feedforward:
     acceleration: float = 1.0  # factor of the acceleration; 1: the mass of the rig file
     jerk: float = 0.0  # factor of the jerk, s
     snap: float = 0.0  # factor of the snap, s^2
+    # error with searched gains on withheld turnarounds, relative to that with the mass alone
+    searched_error_ratio: float | None = field(default=None, compare=False)
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Return the gains for JSON."""
+        gains = {"acceleration": self.acceleration, "jerk_s": self.jerk, "snap_s2": self.snap}
+        return gains | {"searched_error_ratio": self.searched_error_ratio}
 
 
 @dataclass(frozen=True)

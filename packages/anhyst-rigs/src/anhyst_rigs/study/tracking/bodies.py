@@ -14,6 +14,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import FluxFeedback, FusedInverse
 from anhyst.control.controller_file import ControllerTable
 from anhyst.support.kinds import FLUX_PROBE_METHODS, MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.bearing.loop import fit_bearing_compensators, pair_table
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, CalibratedMethod, ParameterName
@@ -55,6 +56,8 @@ from anhyst_rigs.study.tracking.motion import (
 
 _DERIVATIVE_STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE_PARAMETERS, 1e-3)}
 """Step of each body parameter for finite-difference derivatives."""
+MAX_EXCHANGED_RESIDUAL = 0.2
+"""Largest residual after the exchange of two magnets, relative to that before it."""
 COMPARISON_START_S = 0.01
 """Time of the first comparison, s. Before, the magnets take up the weight in one step, and the
 currents do not follow their commands."""
@@ -231,6 +234,24 @@ class StageLaw(MotionLaw):
         text = f"the body moves against {demand_column}; invert the sign of every demanded force and moment"
         return ColumnFault(text, demand_column) if correlation < 0.0 else None
 
+    def find_exchanged_magnets(self, motion: Motion) -> tuple[int, int] | None:
+        """Return the two magnets whose exchange explains a motion that the law does not, or None."""
+        assert isinstance(motion, StageMotion)
+        if not motion.compared_indices.size:
+            return None
+        pulls = np.array([self._magnet_pull(motion, number, {}) for number in self._magnet_numbers])
+        rows = magnet_rows(self.rig.settings) / motion.gyration_radii
+        unexplained = motion.measured_force - motion.weight_force - (pulls.T @ rows).ravel()
+
+        def residual(pair: tuple[int, int]) -> float:
+            first, second = pair
+            change = np.outer(pulls[first] - pulls[second], rows[first] - rows[second]).ravel()
+            return rms((unexplained + change)[motion.compared_indices])
+
+        pair = min(combinations(range(len(rows)), 2), key=residual)
+        is_explained = residual(pair) < MAX_EXCHANGED_RESIDUAL * rms(unexplained[motion.compared_indices])
+        return (pair[0] + 1, pair[1] + 1) if is_explained else None
+
     def make_motion(self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0) -> Motion:
         """Return the motion that recorded columns describe."""
         return StageMotion(self.rig, columns, first_compared_tick)
@@ -259,7 +280,14 @@ class StageLaw(MotionLaw):
     def _magnet_force(
         self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
-        """Return the filtered force components of one magnet, N. The results are cached."""
+        """Return the filtered force components of one magnet, N."""
+        pull_row = magnet_rows(self.rig.settings)[number - 1] / motion.gyration_radii
+        return np.outer(self._magnet_pull(motion, number, values), pull_row).ravel()
+
+    def _magnet_pull(
+        self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
+    ) -> FloatArray:
+        """Return the filtered pull of one magnet, N. The results are cached."""
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         gap_zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = round_to_grid("width", values.get(f"width_{number}", 0.0))
@@ -279,8 +307,7 @@ class StageLaw(MotionLaw):
                 gap_at_force = np.interp(motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap)
                 force = self._force_of_current(current, gap_at_force, width, lag)
                 delay_ticks = motion.delay_ticks
-            pull_row = magnet_rows(file)[number - 1] / motion.gyration_radii
-            self._cached_forces[key] = np.outer(motion.filter_force(force, delay_ticks), pull_row).ravel()
+            self._cached_forces[key] = motion.filter_force(force, delay_ticks)
         return self._cached_forces[key]
 
     def _force_of_current(

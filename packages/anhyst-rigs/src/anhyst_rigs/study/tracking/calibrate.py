@@ -19,7 +19,7 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.headers import ignore_quantity_word
 from anhyst.data.table import read_columns
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
-from anhyst.support.errors import InputError, wrong_type
+from anhyst.support.errors import InputError, NegativeResult, wrong_type
 from anhyst.support.kinds import MethodName, require_capability
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, rows_to_columns
@@ -27,7 +27,7 @@ from anhyst.support.toml_file import require_rig
 from anhyst.support.toml_text import toml_value
 from anhyst.support.units import parse_header
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CalibrationFile
+from anhyst_rigs.rig.calibration import CalibratedMethod, CalibrationFile
 from anhyst_rigs.rig.drift import remove_calibration
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
@@ -44,6 +44,9 @@ MIN_ROWS = 100
 """Smallest number of rows in a recording."""
 MAX_READING = 1e30
 """Largest absolute value of a valid reading, SI units."""
+MIN_PAYLOAD_FRACTION = 0.4
+"""Smallest mean scale of a method, relative to that of a reported payload, for which it is rejected.
+Other parameters, such as the width, contain the rest of the payload."""
 FILE_HEADER = """\
 # Calibration of the magnets of a rig from motion, written by anhyst calibrate. A rig file names it
 # as control.calibration. Values are ratios or have units in their names; the mass scales forces."""
@@ -92,6 +95,9 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
     motion = law.make_motion(columns)
     if sign_fault := law.find_wrong_sign(motion):
         raise InputError(f"{source}: {sign_fault.text}", code="wrong-sign", key=sign_fault.column)
+    if exchanged := law.find_exchanged_magnets(motion):
+        text = f"{source}: the columns of the magnets {exchanged[0]} and {exchanged[1]} are exchanged"
+        raise NegativeResult(f"{text}; correct the recording", code="magnets-exchanged")
     return motion
 
 
@@ -132,7 +138,9 @@ class Calibration(Result):
     def facts(self) -> dict[str, str]:
         """Return the corrections and the residual of every method, and the mass that was used."""
         facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
-        return facts | {method.name: method.summary for method in self.file.method}
+        facts |= {method.name: method.summary for method in self.file.method}
+        advice = self.file.mass_advice
+        return facts if advice is None else facts | {"payload": advice}
 
     def to_columns(self) -> dict[str, Any]:
         """Return every parameter of every method with its posterior standard deviation."""
@@ -218,6 +226,21 @@ def bearing_laws(
     return partial(BearingLaw, ready.rig, controller.settings, identified_magnet), identified_magnet
 
 
+def _withdraw_payload(methods: Sequence[CalibratedMethod], mass_kg: float) -> list[CalibratedMethod]:
+    """Reject methods whose scales contain a large part of a payload that another method reports."""
+    masses = [method.mass_kg for method in methods if method.mass_kg is not None]
+    if not masses:
+        return list(methods)
+    payload_scale = -0.5 * (masses[-1] / mass_kg - 1.0)  # the force is proportional to current squared
+    reason = f"its scales follow the mass of {masses[-1]:.4g} kg that another method reports"
+
+    def has_payload(method: CalibratedMethod) -> bool:
+        return bool(np.mean(method.scale_values or [0.0]) / payload_scale >= MIN_PAYLOAD_FRACTION)
+
+    changes = {"fits": False, "reason": reason}
+    return [m.model_copy(update=changes) if m.is_applied and has_payload(m) else m for m in methods]
+
+
 def calibrate(
     rig: BodyRig | PathLike,
     recordings: Recording | PathLike | Sequence[Recording | PathLike],
@@ -270,7 +293,10 @@ def calibrate(
         version=1,
         rig=settings.name,
         mass_kg=settings.body.mass_kg,
-        method=[calibrate_from_motions(make_law(name), motions) for name in methods or possible_methods],
+        method=_withdraw_payload(
+            [calibrate_from_motions(make_law(name), motions) for name in methods or possible_methods],
+            settings.body.mass_kg,
+        ),
     )
     calibration = Calibration(file_content)
     if out is not None and calibration.has_estimates:

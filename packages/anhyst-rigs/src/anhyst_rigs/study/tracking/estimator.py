@@ -54,6 +54,12 @@ hysteresis model has errors of this size."""
 SCALE_SUM_WEIGHT = 20.0
 """Weight of the prior that the scales add up to 0, relative to the prior of one scale. It applies
 if the payload is estimated too, because motion cannot separate it from the sum of the scales."""
+MAX_COMMON_SCALE_SIGMA = 2.0
+"""Largest mean of the scales of all magnets in prior standard deviations, if all have one sign. A
+larger mean is that of a payload: independent errors of two magnets reach it in 1 of 200 stages."""
+MIN_LAG_TICKS = -0.25
+"""Smallest estimated lag in ticks, if it is below 0 by more than two standard deviations. The error
+of the estimate is up to a fifth of a tick."""
 MASS_PRIOR_SIGMA = 0.3
 """Prior standard deviation of the relative change of mass that may explain a rejected motion."""
 MIN_MASS_CHANGE = 0.01
@@ -117,6 +123,7 @@ class ParameterEstimator:
         self.applied_values = dict(self.estimate)
         self.noise_N = 0.0  # force noise that the position sensor causes in the last motion, N
         self.mass_kg: float | None = None  # mass that explains the last rejected motion
+        self.reason = ""  # why the last rejected motion was rejected; empty: no law explains it
         self.rejected_count = 0
         self.identified: list[ParameterName] = []  # parameters that the motions identify
         self._names = [name for name in law.estimable_names if self.prior_sigma[name] > 0.0]
@@ -137,7 +144,7 @@ class ParameterEstimator:
         """
         if not motion.compared_indices.size:
             return False
-        self.noise_N = motion.force_noise
+        self.noise_N, self.reason = motion.force_noise, ""
         comparisons_per_s = motion.comparisons_per_tick * COMPARISON_RATE_HZ
         retention = math.exp(-motion.compared_indices.size / (comparisons_per_s * self.forgetting_time_s))
         history = math.sqrt(retention) * self._information
@@ -149,20 +156,23 @@ class ParameterEstimator:
         count, force_N = motion.compared_indices.size, motion.force_rms
         square_sums = _SquareSums(count, count * force_N**2, count * motion_fit.residual_rms**2)
         max_residual_N = math.hypot(MAX_RESIDUAL_TO_INERTIAL_FORCE * force_N, self.noise_N)
-        if self._has_scale_at_bound(motion_fit.values) or motion_fit.residual_rms > max_residual_N:
+        is_explained = motion_fit.residual_rms <= max_residual_N
+        lag_reason = self._find_acausal_lag(motion_fit) if is_explained else ""
+        self.reason = lag_reason or (self._find_common_scale(motion_fit.values) if is_explained else "")
+        if not is_explained or self.reason or self._has_scale_at_bound(motion_fit.values):
             if not self.identified:
                 self._sums = square_sums
-            return self._reject_motion(motion, history, motion_fit.motion_rows)
+            return self._reject_motion(motion, history, motion_fit.motion_rows, can_be_mass=not lag_reason)
         if self.identified:
             square_sums = square_sums.plus_decayed(self._sums, retention)
         self.estimate, self.identified = motion_fit.values, motion_fit.identified
         self._information, self._sums = motion_fit.information, square_sums
-        self.mass_kg = None
+        self.mass_kg, self.reason = None, ""
         return bool(self.identified)
 
     def _contradicting_rows(self, motion: Motion, history: FloatArray) -> FloatArray | None:
         """Return the information rows of a motion if it contradicts earlier ones, or None."""
-        residual_N = self._residual_rms(motion, self.estimate)
+        residual_N = rms(self.law.residual(motion, self.estimate))
         expected_N = max(self._sums.residual_rms, MIN_GATE_RESIDUAL_TO_INERTIAL_FORCE * motion.force_rms)
         limit_N = MAX_RESIDUAL_TO_EARLIER_RESIDUAL * expected_N
         if residual_N <= limit_N:
@@ -188,7 +198,7 @@ class ParameterEstimator:
             name for name in excited if sigma[name] <= self.law.max_sigma_ratio * self.prior_sigma[name]
         ]
         values = self._solve_values(information, identified)
-        residual_N = self._residual_rms(motion, values)
+        residual_N = rms(self.law.residual(motion, values))
         return _Fit(motion_rows, information, identified, values, residual_N)
 
     def _has_scale_at_bound(self, values: Mapping[ParameterName, float]) -> bool:
@@ -196,7 +206,28 @@ class ParameterEstimator:
         scales = [name for name in self._names if parameter_kind(name) == "scale"]
         return any(abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales)
 
-    def _reject_motion(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
+    def _find_common_scale(self, values: Mapping[ParameterName, float]) -> str:
+        """Return a text if the scales of all magnets deviate as with a payload; empty if not."""
+        scales = np.array([values[name] for name in self._names if parameter_kind(name) == "scale"])
+        if scales.size < 2 or abs(np.sign(scales).sum()) < scales.size or not self.law.is_mass_advisor:
+            return ""
+        is_payload = abs(scales.mean()) > MAX_COMMON_SCALE_SIGMA * self.prior_sigma["scale_1"]
+        text = f"all scales have one sign and a mean of {100.0 * scales.mean():.2g} %, as with a payload"
+        return text if is_payload else ""
+
+    def _find_acausal_lag(self, motion_fit: _Fit) -> str:
+        """Return a text if the lag is below 0 by more than its uncertainty; empty if not."""
+        if "lag_s" not in motion_fit.identified:
+            return ""
+        lag, residual_N = motion_fit.values["lag_s"], motion_fit.residual_rms
+        sigma = self._posterior_sigma(motion_fit.information, motion_fit.identified, residual_N)["lag_s"]
+        is_acausal = lag < min(MIN_LAG_TICKS * self.law.rig.dt, -2.0 * sigma)
+        text = f"a lag of {1e6 * lag:.0f} us is not causal: correct timing.delay_ticks"
+        return text if is_acausal else ""
+
+    def _reject_motion(
+        self, motion: Motion, history: FloatArray, motion_rows: FloatArray, can_be_mass: bool = True
+    ) -> bool:
         """Discard a motion, and test whether another mass explains it."""
         self.rejected_count += 1
         force_per_mass = motion.force_per_unit["payload"][motion.compared_indices]
@@ -212,13 +243,15 @@ class ParameterEstimator:
         is_mass = [name == "payload" for name in self._names] + [True]
         relative_change = float(solution[is_mass].sum())
         mass_kg = self.law.rig.settings.body.mass_kg * (1.0 + relative_change)
-        is_explained = self._is_explained(residual_N, motion.force_rms)
-        self.mass_kg = mass_kg if is_explained and abs(relative_change) > MIN_MASS_CHANGE else None
+        is_mass_explaining = (
+            can_be_mass
+            and self.law.is_mass_advisor
+            and self.is_explained(residual_N, motion.force_rms)
+            and abs(relative_change) > MIN_MASS_CHANGE
+            and mass_kg > 0.0
+        )
+        self.mass_kg = mass_kg if is_mass_explaining else None
         return False
-
-    def _residual_rms(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
-        """Return the rms force of a motion that given parameter values do not explain, N."""
-        return rms((motion.measured_force - self.law.net_force(motion, values))[motion.compared_indices])
 
     def _prediction_sigma(self, history: FloatArray, motion_rows: FloatArray) -> float:
         """Return the standard deviation of the force predicted for a motion, rms over time, N."""
@@ -284,7 +317,7 @@ class ParameterEstimator:
         """The estimate, its uncertainty and the residual, in the form of the calibration file."""
         return self._calibrated_method(self.estimate, self._law_fits)
 
-    def _is_explained(self, residual_N: float, force_N: float) -> bool:
+    def is_explained(self, residual_N: float, force_N: float) -> bool:
         """Whether a residual is as small as the residual of a suitable hysteresis model."""
         return residual_N <= math.hypot(self.law.max_residual_ratio * force_N, self.noise_N)
 
@@ -292,7 +325,7 @@ class ParameterEstimator:
     def _law_fits(self) -> bool:
         """Whether the hysteresis model explains the accepted motions."""
         force_N, residual_N = self._sums.force_rms, self._sums.residual_rms
-        return force_N > 0.0 and self._is_explained(residual_N, force_N)
+        return force_N > 0.0 and self.is_explained(residual_N, force_N)
 
     def _calibrated_method(self, values: Mapping[ParameterName, float], fits_well: bool) -> CalibratedMethod:
         """Return values, uncertainty and residual in the form of the calibration file."""
@@ -307,6 +340,7 @@ class ParameterEstimator:
             fits=fits_well,
             refused=self.rejected_count,
             mass_kg=self.mass_kg,
+            reason=self.reason or None,
             parameter=[
                 CalibratedParameter(
                     name=name,
@@ -437,8 +471,50 @@ def calibrate_running_stage(
 
 
 def calibrate_from_motions(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
-    """Estimate the parameters of a method from motions; those without excitation stay 0."""
+    """Estimate the parameters of a method from motions; those without excitation stay 0.
+
+    The estimates are rejected if estimates from half of the motions do not explain the other half,
+    and explain it less than no estimates do.
+    """
+    estimator = _estimate(law, motions)
+    calibration = estimator.calibration
+    if not calibration.is_applied:
+        return calibration
+    residual_N, plain_residual_N = _withheld_residuals(law, motions)
+    if residual_N < plain_residual_N or estimator.is_explained(residual_N, calibration.force_N):
+        return calibration
+    reason = (
+        f"in halves of the motion that are withheld, {residual_N:.2g} N remain, "
+        f"and {plain_residual_N:.2g} N without estimates"
+    )
+    return calibration.model_copy(update={"fits": False, "reason": reason})
+
+
+def _estimate(law: MotionLaw, motions: Sequence[Motion]) -> ParameterEstimator:
+    """Return an estimator that has processed motions."""
     estimator = ParameterEstimator(law)
     for motion in motions:
         estimator.update(motion)
-    return estimator.calibration
+    return estimator
+
+
+def _withheld_residuals(law: MotionLaw, motions: Sequence[Motion]) -> tuple[float, float]:
+    """Return the rms residuals in withheld halves of motions, with estimates and without, N.
+
+    The parameters are estimated from the first half of the comparisons of each motion and compared
+    with the second half, and vice versa.
+    """
+    halves: tuple[list[Motion], list[Motion]] = [], []
+    for motion in motions:
+        if (indices := motion.compared_indices).size:
+            middle = int(indices[indices.size // 2]) // motion.comparisons_per_tick
+            first_columns = {name: values[:middle] for name, values in motion.columns.items()}
+            halves[0].append(law.make_motion(first_columns))
+            halves[1].append(law.make_motion(motion.columns, middle))
+    no_estimate = dict.fromkeys(law.names, 0.0)
+    residuals, plain_residuals = list[FloatArray](), list[FloatArray]()
+    for estimated, withheld in (halves, halves[::-1]):
+        estimate = _estimate(law, estimated).estimate
+        residuals += [law.residual(motion, estimate) for motion in withheld]
+        plain_residuals += [law.residual(motion, no_estimate) for motion in withheld]
+    return rms(np.concatenate(residuals)), rms(np.concatenate(plain_residuals))

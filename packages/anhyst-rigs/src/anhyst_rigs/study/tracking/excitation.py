@@ -38,8 +38,8 @@ from anhyst_rigs.rig.stage.setpoint import (
     tick_times,
 )
 from anhyst_rigs.study.tracking.bodies import COMPARISON_START_S, StageLaw
-from anhyst_rigs.study.tracking.estimator import ParameterEstimator
-from anhyst_rigs.study.tracking.motion import refuse_slow_amplifier
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator, calibrate_from_motions
+from anhyst_rigs.study.tracking.motion import MotionLaw, refuse_slow_amplifier
 from anhyst_rigs.study.tracking.simulate import COMPENSATOR, refuse_unstable
 
 if TYPE_CHECKING:
@@ -146,17 +146,25 @@ class CalibratingMove:
         Recording of the virtual stage, an input of ``anhyst calibrate``.
     move, work : Information
         Information from the move, and from the training set-point of the rig file.
+    rejection : str or None
+        Why ``calibrate`` would reject the recording for the hysteresis model, and a remedy.
     """
 
     legs: Legs
     run: Recording
     move: Information
     work: Information
+    rejection: str | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of the JSON output."""
         legs = {axis: asdict(leg) for axis, leg in self.legs.items()}
-        return {"legs": legs, "move": asdict(self.move), "work": asdict(self.work)}
+        return {
+            "legs": legs,
+            "move": asdict(self.move),
+            "work": asdict(self.work),
+            "rejection": self.rejection,
+        }
 
     def figure(self) -> Figure:
         """Draw the accelerations of all coordinates, one after another."""
@@ -200,7 +208,21 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
         )
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
-    return CalibratingMove(legs, run, information(run), information(training_run))
+    rejection = _find_rejection(estimator.law, run, training_run)
+    if rejection is not None and rig.settings.hall_probe is None:
+        raise NegativeResult(f"{rig.path}: {rejection}", code="move-rejected")
+    return CalibratingMove(legs, run, information(run), information(training_run), rejection)
+
+
+def _find_rejection(law: MotionLaw, run: Recording, training_run: Recording) -> str | None:
+    """Return why ``calibrate`` would reject the recording of a move, and a remedy; None if not."""
+    move, training = (
+        calibrate_from_motions(law, [law.make_motion(tested.columns)]) for tested in (run, training_run)
+    )
+    if move.is_applied:
+        return None
+    remedy = "record its own set-point" if training.is_applied else "its own set-point is rejected too"
+    return f"calibrate would reject '{law.method}' on this motion: {move.summary}; {remedy}"
 
 
 def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None = None) -> CalibratingMove:

@@ -142,6 +142,11 @@ class MotionLaw(ABC):
     required_columns: Sequence[str]  # columns that a recording must have
     optional_columns: Sequence[str]  # columns that are used if a recording contains them
 
+    @property
+    def is_mass_advisor(self) -> bool:
+        """Whether the law is right in kind, so that its errors do not resemble another mass."""
+        return self.method not in ("single-valued", "play")
+
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
         """Return the methods that the recordings cannot calibrate; by default, those with a probe."""
         del motions
@@ -158,6 +163,11 @@ class MotionLaw(ABC):
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
         """Return a fault if the demand and the motion have opposite signs, or None."""
+        del motion
+        return None
+
+    def find_exchanged_magnets(self, motion: Motion) -> tuple[int, int] | None:
+        """Return two magnets whose recorded columns are exchanged, or None."""
         del motion
         return None
 
@@ -188,6 +198,10 @@ class MotionLaw(ABC):
     @abstractmethod
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force that the model predicts for given parameters, filtered, N."""
+
+    def residual(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
+        """Return the compared forces of a motion that given parameter values do not explain, N."""
+        return (motion.measured_force - self.net_force(motion, values))[motion.compared_indices]
 
 
 def round_to_grid(name: ParameterName, value: float) -> float:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.optimize import minimize
 
 from anhyst.compensate.methods import METHODS
 from anhyst.model.prediction import describe_fast_drives
@@ -32,7 +31,7 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import error_columns
 from anhyst_rigs.rig.stage.loop import CONSTANT_METHODS, Feedforward, StageSetup, pid_coefficients, track
-from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.bearing.inputs import check_calibration_covers
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import (
@@ -48,6 +47,7 @@ from anhyst_rigs.study.engine.table import (
     save_lost_run,
 )
 from anhyst_rigs.study.tracking.estimator import ParameterEstimator, calibrate_running_stage
+from anhyst_rigs.study.tracking.gains import find_gains, search_gains
 from anhyst_rigs.study.tracking.measures import (
     MOVING_AVERAGE,
     PEAK_ERROR,
@@ -114,39 +114,6 @@ def _update_learnt_force(rig: BodyRig, learnt_force: FloatArray, error: FloatArr
 
 TRAINING_SEED = 1000
 """First noise seed of the calibration motions."""
-GAIN_SEARCH_RUNS = 30
-"""Largest number of runs in the search for gains."""
-_GAIN_STEPS = np.array([0.01, 50e-6, 5e-9])
-"""Steps of the first simplex: acceleration gain, jerk gain (s), and snap gain (s^2)."""
-_LOST_COST_M = 1.0
-"""Cost of a run that lost control, m."""
-
-
-def gains_at(point: FloatArray) -> Feedforward:
-    """Return the gains at a point of the search; at 0, only the mass of the file is fed forward."""
-    acceleration, jerk, snap = (_GAIN_STEPS * point).tolist()
-    return Feedforward(1.0 + acceleration, jerk, snap)
-
-
-def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
-    """Return the three feedforward gains with the smallest error on a set-point.
-
-    The cost is the rms error plus the moving average with its weight from the rig file. The
-    Nelder-Mead search starts with the mass of the file; all runs have the same noise.
-    """
-    table = setup.rig.settings.scan
-
-    def cost(point: FloatArray) -> float:
-        run = track(setup, motion, gains_at(point), seed=0)
-        measures = measure(run, motion, table.slit_s)
-        return min(measures.rms_m + table.average_weight * measures.average_m, _LOST_COST_M)
-
-    simplex = np.vstack([np.zeros(3), np.eye(3)])
-    options = {"initial_simplex": simplex, "maxfev": GAIN_SEARCH_RUNS, "maxiter": GAIN_SEARCH_RUNS}
-    search_result = minimize(cost, simplex[0], method="Nelder-Mead", options=options)
-    return gains_at(np.asarray(search_result.x))
-
-
 COMPENSATOR: MethodName = "full"
 """Method that is compared with all others, and whose run is recorded."""
 _OMITTED_METHODS = ("ratio", "secant", "simplified", "at-rest")
@@ -350,7 +317,7 @@ def _variant_dict(variant: VariantResult) -> dict[str, Any]:
     gains = variant.gains
     crossed = {key: variant.interval(key).as_dict() for key in variant.cross_talk}
     return {
-        "gains": {"acceleration": gains.acceleration, "jerk_s": gains.jerk, "snap_s2": gains.snap},
+        "gains": gains.as_dict(),
         "test": {field.name: variant.interval(field.name).as_dict() for field in fields(Measures)},
         "small_forces": asdict(variant.small_force_measures),
         "one_repeated_setpoint": asdict(variant.repeated_setpoint_measures),
@@ -378,7 +345,7 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
         runs = [estimator.run_and_update(setup.drift, motion, gains, seed) for seed in seeds]
         setup = estimator.corrected_stage(setup.drift)
     small_motion = scan_motion(table, [SMALL_ACCELERATION_FRACTION * peak for peak in table.test_m_per_s2])
-    test_gains = find_gains(setup, motion)
+    test_gains = search_gains(setup, motion)
     trials = run_learning_control(setup, gains)
     stationary = stationary_axes(setup.rig.settings)
     axis_errors = [cross_talk(run, motion, stationary) for run in runs]

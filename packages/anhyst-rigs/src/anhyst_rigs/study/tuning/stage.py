@@ -24,8 +24,9 @@ from anhyst_rigs.rig.stage.geometry import scan_wrench, weight_along_scan
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
 from anhyst_rigs.study.engine.table import mean_interval
+from anhyst_rigs.study.tracking.gains import find_gains, gains_text
 from anhyst_rigs.study.tracking.measures import measure
-from anhyst_rigs.study.tracking.simulate import SMALL_ACCELERATION_FRACTION, find_gains, measure_standstill
+from anhyst_rigs.study.tracking.simulate import SMALL_ACCELERATION_FRACTION, measure_standstill
 from anhyst_rigs.study.tuning.aims import MISSED_AIM_COST, Aims, StageFigures
 from anhyst_rigs.study.tuning.search import find_best_point, find_minimum_cost
 from anhyst_rigs.study.tuning.trial import (
@@ -295,15 +296,8 @@ class StageLoop:
             seed_count=seed_count,
             half_widths=interval_widths,
             locations={},
-            rows={
-                "feedforward": {
-                    "acceleration": feedforward.acceleration,
-                    "jerk_s": feedforward.jerk,
-                    "snap_s2": feedforward.snap,
-                },
-                "plants": plants_row,
-            },
-            notes=(plants_note,),
+            rows={"feedforward": feedforward.as_dict(), "plants": plants_row},
+            notes=(plants_note, f"feedforward: {gains_text(feedforward)}, on withheld turnarounds"),
         )
 
     def _run_check(

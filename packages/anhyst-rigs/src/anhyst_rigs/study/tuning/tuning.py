@@ -32,11 +32,11 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.bearing.simulate import compared_variants
 from anhyst_rigs.study.piezo import find_inverses
 from anhyst_rigs.study.plants import PIEZO_METHODS
+from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.simulate import (
     COMPARED_METHODS,
     COMPENSATOR,
     check_calibration,
-    find_gains,
     make_variants,
 )
 from anhyst_rigs.study.tuning.aims import Aims
