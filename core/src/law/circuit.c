@@ -258,7 +258,7 @@ static anhyst_status solve_with_excess(const anhyst_iron_f64 *iron, const anhyst
     const double other_slope = surplus / change - secant;
     const double root =
         2.0 * surplus /
-        (root_slope + sqrt(root_slope * root_slope + 4.0 * fmax(other_slope, 0.0) * surplus));
+        (root_slope + sqrt(root_slope * root_slope + 4.0 * (other_slope > 0.0 ? other_slope : 0.0) * surplus));
     secant = root_slope / root;
     status = solve_with_line(iron, state, circuit->gap_ratio, line->slope + secant,
                              drive + line->constant + secant * line->start_flux, reaction);

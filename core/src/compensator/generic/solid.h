@@ -37,7 +37,7 @@
 #define MAX_FLUX_ERROR POWER_OF_HALF(14)
 
 /* Maximum outstanding flux of a layer. */
-#define MAX_OUTSTANDING_FLUX POWER_OF_HALF(8)
+#define MAX_OUTSTANDING_FLUX POWER_OF_HALF(6)
 
 /* All layers in one tick, from the surface inwards, followed by the laminated part. */
 typedef struct {

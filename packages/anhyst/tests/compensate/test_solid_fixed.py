@@ -141,15 +141,17 @@ def test_a_solve_does_not_move_time() -> None:
     check_time_stands_still(*(FixedTwin(block(model)) for _ in range(2)))
 
 
-def test_the_current_of_a_constant_demand_settles() -> None:
-    model = magnet(LAYERS["three and sheets"])
-    demand = np.append(np.linspace(0.0, 100.0, 200), np.full(20_000, 100.0))
+@pytest.mark.parametrize("level", [30.0, 60.0, 100.0])
+@pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
+def test_the_current_of_a_constant_demand_settles_to_a_few_codes(layers: Layers, level: float) -> None:
+    model = magnet(layers)
+    demand = np.append(np.linspace(0.0, level, 200), np.full(20_000, level))
     gap = np.full(demand.size, 4e-4)
     fixed = FixedTwin(block(model)).run(demand, gap)
     scales, limits = Scales(300.0, 8.0, *GAPS), DemandLimits((0.0, TOP), (0.0, 6.0))
     real = real_block("f64", model, "cells", scales, limits, SIZES, Conditioning(1, 100, RATE))
     assert fixed[-1] == pytest.approx(RealTwin(real).run(demand, gap)[-1], abs=2e-3)
-    assert np.ptp(fixed[-5000:]) < 1e-5
+    assert np.ptp(fixed[-5000:]) < 2.0**-13 * 8.0
 
 
 @pytest.mark.slow

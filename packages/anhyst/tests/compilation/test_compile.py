@@ -121,7 +121,7 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
         plan.request.io == "f32" and plan.block.kind == "full"
     )
     assert compiled.manifest["memory"]["parameters_bytes"] <= 2048
-    largest = 148 if plan.block.is_fixed else 172
+    largest = 152 if plan.block.is_fixed else 176
     assert compiled.manifest["memory"]["state_bytes"] <= largest
 
 

@@ -52,7 +52,7 @@ class SolidIron:
             def in_sheets(density: float) -> float:
                 if self.laminated == 0.0:
                     return 0.0
-                largest = abs(density) / MU_0 + 1.0
+                largest = abs(density) / MU_0 + 1e7  # the magnetisation may oppose the field
                 return float(brentq(lambda h: self._density(sheets, h) - density, -largest, largest,  # noqa: B023
                                     xtol=1e-11))  # fmt: skip
 

@@ -7,6 +7,7 @@ import pytest
 
 from anhyst._core import AnyIron, CellIron, Iron
 from anhyst.laws.cells import CellWeights, Population, discretise_populations
+from anhyst.model.dynamics import Layers
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.layers import SolidIron
@@ -70,11 +71,13 @@ def test_many_layers_of_linear_iron_are_a_slab(part: float) -> None:
     """Ratio of mean flux density to surface field: mu*tanh(q)/q, q = sqrt(i*omega*sigma*mu*d^2)."""
     ratio, count, samples, cycles = 1000.0, 16, 3000, 12
     made = CellIron(np.array([0.0]), np.array([1e5]), np.array([[(ratio - 1.0) * 1e5]]))
-    # With half of the others' thickness, the surface layer has the field of the surface.
-    made.make_solid(count, 0.5 / (count - 0.5), 0.0)
+    # A thin surface layer has the field of the surface.
+    layers = Layers(count, 0.005)
+    made.make_solid(layers.count, layers.surface, 0.0)
     mu = MU_0 * ratio
     slab = 0.01  # sigma*d^2, A s/(m T)
-    gamma = slab * (count - 1) / (count - 0.5)
+    fractions = layers.area_fractions
+    gamma = slab * (1.0 - 0.5 * fractions[0] - 0.5 * fractions[-1])
     omega = part / (slab * mu)
     time = 2.0 * np.pi / omega * np.arange(cycles * samples) / samples
     drive = 100.0 * np.sin(omega * time)

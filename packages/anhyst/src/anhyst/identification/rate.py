@@ -28,7 +28,10 @@ MAX_ERROR_RATIO = 0.9
 """Largest error with layers for which they are accepted, relative to the error of the static model
 or of fewer layers."""
 
-MAX_SAMPLES_PER_LOOP = 120  # maximum number of fitted samples per loop
+MAX_SAMPLES_PER_LOOP = 120
+MAX_FINE_SAMPLES_PER_LOOP = 400
+"""Maximum number of fitted samples per loop: to compare forms, and to fit the selected one. A long
+time step delays the flux."""
 
 CYCLE_TOLERANCE = 1e-6
 MAX_CYCLES = 40
@@ -167,9 +170,11 @@ FORMS = (
 class _LoopPath:
     """One measured loop, prepared for simulation with any rate parameters."""
 
-    def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest_output: float) -> None:
+    def __init__(
+        self, model: Model, loop: Loop, iron: AnyIron, largest_output: float, max_samples: int
+    ) -> None:
         assert loop.time is not None
-        step = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
+        step = 1 + (loop.n - 1) // max_samples
         end_rows = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
         samples = np.unique(np.concatenate([np.arange(0, loop.n, step), end_rows]))
         steps = np.diff(loop.time[samples])
@@ -208,7 +213,13 @@ _Fold = tuple[list[list[_LoopPath]], list[list[_LoopPath]]]
 class _RateProblem:
     """Fast loops in groups of equal speed, with a static model."""
 
-    def __init__(self, model: Model, speeds: SpeedGroups, largest_output: float) -> None:
+    def __init__(
+        self,
+        model: Model,
+        speeds: SpeedGroups,
+        largest_output: float,
+        max_samples: int = MAX_SAMPLES_PER_LOOP,
+    ) -> None:
         irons: dict[float | None, AnyIron] = {}  # separate objects, because the fit changes their layers
         law = model.operator_law
 
@@ -219,7 +230,7 @@ class _RateProblem:
                 iron = law.iron(*(parameters_at_gap[spec.name] for spec in law.parameters))
                 assert isinstance(iron, AnyIron)
                 irons[gap] = iron
-            return _LoopPath(model, loop, irons[gap], largest_output)
+            return _LoopPath(model, loop, irons[gap], largest_output, max_samples)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.slow_paths = [path(loop) for loop in speeds.slow.loops]
@@ -355,15 +366,23 @@ def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
         f"{chosen.rate.form}: the error at the fast loops is {100.0 * chosen.error:.2g} % of full scale, at "
         f"withheld loops {100.0 * chosen.withheld_error:.2g} %; the error of the static model there is {static_text}"
     )
-    return problem.make_fit(chosen.rate, chosen.log_gamma_std, reason)
+    return _fit_fine_samples(model, loops, speeds, chosen.rate, reason)
 
 
 def continue_rate_fit(rate_fit: RateFit, model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
     """Fit the form of an earlier fit again, with another static model."""
     assert rate_fit.rate is not None
-    problem = _RateProblem(_with_series_reluctance(model), speeds, largest_output(loops))
-    rate, std = problem.fit(problem.groups, rate_fit.rate.form, rate_fit.rate)
-    return problem.make_fit(rate, std, rate_fit.reason)
+    return _fit_fine_samples(model, loops, speeds, rate_fit.rate, rate_fit.reason)
+
+
+def _fit_fine_samples(
+    model: Model, loops: Loops, speeds: SpeedGroups, start: _RateParameters, reason: str
+) -> RateFit:
+    """Fit a form to more samples, from given parameters."""
+    static_model = _with_series_reluctance(model)
+    problem = _RateProblem(static_model, speeds, largest_output(loops), MAX_FINE_SAMPLES_PER_LOOP)
+    rate, std = problem.fit(problem.groups, start.form, start)
+    return problem.make_fit(rate, std, reason)
 
 
 @dataclass(frozen=True)
@@ -371,14 +390,13 @@ class _Candidate:
     """A fitted form, with its errors relative to the largest output."""
 
     rate: _RateParameters
-    log_gamma_std: float  # standard deviation of ln(gamma)
     error: float  # error at all fast loops
     withheld_error: float  # geometric mean of the errors at withheld loops
 
 
 def _try_form(problem: _RateProblem, folds: list[_Fold], form: _RateForm) -> _Candidate:
     """Fit a form to all fast loops and, from there, to the loops of each fold."""
-    rate, std = problem.fit(problem.groups, form)
+    rate, _ = problem.fit(problem.groups, form)
     withheld_error = _geometric_mean(
         mean_error(
             withheld_paths,
@@ -386,7 +404,7 @@ def _try_form(problem: _RateProblem, folds: list[_Fold], form: _RateForm) -> _Ca
         )
         for fitted_paths, withheld_paths in folds
     )
-    return _Candidate(rate, std, mean_error(problem.groups, rate), withheld_error)
+    return _Candidate(rate, mean_error(problem.groups, rate), withheld_error)
 
 
 def _geometric_mean(values: Iterable[float]) -> float:
