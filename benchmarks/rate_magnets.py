@@ -159,8 +159,8 @@ class _Part:
 
     def densities(self, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
         pairs = [cell.flux_density(float(field)) for cell, field in zip(self.cells, fields, strict=True)]
-        rows = np.array(pairs, dtype=np.float64)
-        return rows[:, 0], rows[:, 1]
+        density = np.array([value for value, _ in pairs], dtype=np.float64)
+        return density, np.array([slope for _, slope in pairs], dtype=np.float64)
 
 
 def _ladder_elements(magnet: RateMagnet) -> tuple[FloatArray, FloatArray]:

@@ -110,7 +110,6 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = 
 
     The armature is held, and the current equals the output of the compensator.
     """
-    model = model if model.has_layers else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", io, TICKS_PER_SECOND), 0)
     static_force = float(
         model.at_rest.predict([0.0, magnet.largest_current], gap, history="demagnetised").output[-1]

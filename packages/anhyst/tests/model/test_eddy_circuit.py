@@ -43,8 +43,8 @@ def drive_from_definition(
     ring = circuit.leaky * np.diff(inside, prepend=inside[0]) / step
     eddy = GAMMA * ((1.0 - circuit.leaky) * rise + ring)
     eddy += circuit.excess * np.sign(rise) * np.sqrt(np.abs(rise))
-    total = field + float(PLAIN.parameters["rho"]) * flux / MU_0 + eddy  # type: ignore[arg-type]
-    return np.asarray(total / float(PLAIN.parameters["c_H"]))  # type: ignore[arg-type]
+    parameters = PLAIN.parameters_at()
+    return np.asarray((field + parameters["rho"] * flux / MU_0 + eddy) / parameters["c_H"])
 
 
 @pytest.mark.parametrize("circuit", CIRCUITS.values(), ids=list(CIRCUITS))
