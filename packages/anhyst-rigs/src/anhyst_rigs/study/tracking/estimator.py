@@ -157,8 +157,9 @@ class ParameterEstimator:
         square_sums = _SquareSums(count, count * force_N**2, count * motion_fit.residual_rms**2)
         max_residual_N = math.hypot(MAX_RESIDUAL_TO_INERTIAL_FORCE * force_N, self.noise_N)
         is_explained = motion_fit.residual_rms <= max_residual_N
-        lag_reason = self._find_acausal_lag(motion_fit) if is_explained else ""
-        self.reason = lag_reason or (self._find_common_scale(motion_fit.values) if is_explained else "")
+        scale_reason = self._find_common_scale(motion_fit.values) if is_explained else ""
+        lag_reason = self._find_acausal_lag(motion_fit) if is_explained and not scale_reason else ""
+        self.reason = scale_reason or lag_reason
         if not is_explained or self.reason or self._has_scale_at_bound(motion_fit.values):
             if not self.identified:
                 self._sums = square_sums
