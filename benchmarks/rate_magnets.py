@@ -168,8 +168,8 @@ def _ladder_elements(magnet: RateMagnet) -> tuple[FloatArray, FloatArray]:
 
     The expansion of q*coth(q) - 1 is 1/(3/q^2 + 1/(5 + 1/(7/q^2 + ...))), q^2 = s*delay.
     """
-    odd = 3.0 + 4.0 * np.arange(_LADDER_STEPS)
-    return magnet.delay / odd, odd + 2.0
+    odd = np.array([3.0 + 4.0 * step for step in range(_LADDER_STEPS)])
+    return np.asarray(magnet.delay / odd), np.asarray(odd + 2.0)
 
 
 class _SeriesBranch:
