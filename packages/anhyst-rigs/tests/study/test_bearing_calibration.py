@@ -191,7 +191,7 @@ def test_recordings_of_the_live_page_give_the_same_estimates(
     file.close()
     bench.close()
     (found,) = calibrate_run(place).file.method
-    assert found.fits
+    assert found.fits, found.summary
     assert found.is_applied
     # the plant of this test has no drift
     assert abs(found.value("width")) < 0.05

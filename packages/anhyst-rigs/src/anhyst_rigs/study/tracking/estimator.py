@@ -210,7 +210,7 @@ class ParameterEstimator:
     def _find_common_scale(self, values: Mapping[ParameterName, float]) -> str:
         """Return a text if the scales of all magnets deviate as with a payload; empty if not."""
         scales = np.array([values[name] for name in self._names if parameter_kind(name) == "scale"])
-        if scales.size < 2 or abs(np.sign(scales).sum()) < scales.size or not self.law.is_mass_advisor:
+        if scales.size < 2 or abs(np.sign(scales).sum()) < scales.size or not self.law.is_right_in_kind:
             return ""
         is_payload = abs(scales.mean()) > MAX_COMMON_SCALE_SIGMA * self.prior_sigma["scale_1"]
         text = f"all scales have one sign and a mean of {100.0 * scales.mean():.2g} %, as with a payload"
@@ -246,7 +246,7 @@ class ParameterEstimator:
         mass_kg = self.law.rig.settings.body.mass_kg * (1.0 + relative_change)
         is_mass_explaining = (
             can_be_mass
-            and self.law.is_mass_advisor
+            and self.law.is_right_in_kind
             and self.is_explained(residual_N, motion.force_rms)
             and abs(relative_change) > MIN_MASS_CHANGE
             and mass_kg > 0.0
@@ -474,12 +474,12 @@ def calibrate_running_stage(
 def calibrate_from_motions(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
     """Estimate the parameters of a method from motions; those without excitation stay 0.
 
-    The estimates are rejected if estimates from half of the motions do not explain the other half,
-    and explain it less than no estimates do.
+    The estimates of a law that is wrong in kind are rejected if estimates from half of the motions
+    do not explain the other half, and explain it less than no estimates do.
     """
     estimator = _estimate(law, motions)
     calibration = estimator.calibration
-    if not calibration.is_applied:
+    if law.is_right_in_kind or not calibration.is_applied:
         return calibration
     residual_N, plain_residual_N = _withheld_residuals(law, motions)
     if residual_N < plain_residual_N or estimator.is_explained(residual_N, calibration.force_N):

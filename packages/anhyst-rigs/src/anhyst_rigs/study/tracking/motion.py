@@ -143,8 +143,8 @@ class MotionLaw(ABC):
     optional_columns: Sequence[str]  # columns that are used if a recording contains them
 
     @property
-    def is_mass_advisor(self) -> bool:
-        """Whether the law is right in kind, so that its errors do not resemble another mass."""
+    def is_right_in_kind(self) -> bool:
+        """Whether the law is more than a curve or one play operator, whose errors resemble a mass."""
         return self.method not in ("single-valued", "play")
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
