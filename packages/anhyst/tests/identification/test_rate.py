@@ -19,7 +19,7 @@ from anhyst.identification import identify
 from anhyst.identification.rate import fit_rate
 from anhyst.identification.run import IdentifyResult
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import Layers
+from anhyst.model.dynamics import EddyCircuit, Layers
 from anhyst.model.parameters import Parameter
 from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
@@ -270,3 +270,40 @@ def test_a_coupling_that_would_jump_becomes_an_equivalent_reluctance() -> None:
     drive = triangle(100)
     expected, made = (one.predict(drive, GAPS[0]).output for one in (still, end.model.at_rest))
     assert made == pytest.approx(expected, abs=1e-9 * expected.max())
+
+
+CIRCUITS = {"leakage": EddyCircuit(0.7, 3e-3), "excess": EddyCircuit(excess=60.0), "lag": EddyCircuit()}
+
+
+def loops_of_circuit(circuit: EddyCircuit) -> tuple[Model, Loops]:
+    """Return a magnet with an eddy circuit, and its noisy loops."""
+    model = replace(truth(6.0), layers=None, eddy_circuit=circuit)
+    rng, loops = np.random.default_rng(8), []
+    for gap, rate in product(GAPS, SPEEDS):
+        drive, time = triangle(SAMPLES), np.arange(SAMPLES) / (SAMPLES * rate)
+        force = model.predict(drive, gap, time, "settled").output + 0.1 * rng.normal(size=SAMPLES)
+        loops.append(Loop(f"{rate:g} Hz", drive, force, np.full(SAMPLES, gap), time))
+    return model, Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+
+
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_the_form_of_the_rate_dependence_is_found(name: str) -> None:
+    true_model, loops = loops_of_circuit(CIRCUITS[name])
+    model = found(loops).model
+    circuit = model.eddy_circuit or EddyCircuit()
+    assert (circuit.leaky > 0.0, circuit.excess > 0.0) == (name == "leakage", name == "excess")
+    assert model.layers is None
+    drive, time = triangle(400), np.arange(400) / (400 * 100.0)
+    expected, predicted, still = (
+        one.predict(drive, GAPS[0], time, "settled").output for one in (true_model, model, model.at_rest)
+    )
+    error, static_error = (np.abs(force - expected).max() for force in (predicted, still))
+    assert error < 0.02 * expected.max()
+    assert error < 0.2 * static_error
+
+
+def test_a_form_that_extrapolates_worse_than_a_lag_is_not_used() -> None:
+    """A leakage flux fits diffusion well at the fitted rates, but not beyond."""
+    model = found(measured()).model
+    assert model.eddy_circuit is None
+    assert model.layers is not None
