@@ -11,9 +11,10 @@ from anhyst.data.speeds import select_slow_loops
 from anhyst.data.verdict import assess_loops
 from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import GAMMA_NAME, Dynamics
+from anhyst.model.dynamics import GAMMA_NAME, Dynamics, EddyCircuit
 from anhyst.model.schema import Uncertainty
 from anhyst.reports.sections_fit import rate_corner, section_rate
+from anhyst.reports.sections_model import equations_markup
 from anhyst.reports.subject import Measurements, ModelSubject
 from anhyst.support.page import PageTable, Picture, Text
 from tests.identification.test_rate import measured, truth
@@ -53,3 +54,10 @@ def test_the_corner_is_in_inverse_proportion_to_gamma() -> None:
 
 def test_loops_at_one_speed_have_no_section_on_rate() -> None:
     assert section_rate(about(known(5.0), select_slow_loops(measured()))) is None
+
+
+def test_the_equations_contain_the_terms_of_an_eddy_circuit() -> None:
+    model = replace(truth(6.0), layers=None, eddy_circuit=EddyCircuit(0.5, 1e-3, 20.0))
+    text = equations_markup(ModelSubject(model, None, Acceptance(None, None), None))
+    assert "0.5 d<i>Z</i>/d<i>t</i>" in text
+    assert "± 20 √|" in text

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from anhyst.data.clean import SETTING_PREFIX
 from anhyst.model.actuator import Model
+from anhyst.model.dynamics import EddyCircuit
 from anhyst.model.schema import CrossValidation, Uncertainty
 from anhyst.reports.figures import figure_correlation, figure_reduction
 from anhyst.reports.figures_over_schedule import (
@@ -343,7 +344,7 @@ def equations_markup(subject: ModelSubject) -> Markup:
     if is_nonzero("rho"):
         right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux_symbol)
     if is_nonzero("gamma"):
-        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux_symbol)
+        right_side += _eddy_markup(model.eddy_circuit or EddyCircuit(), names["gamma"], flux_symbol)
     output = Markup("{}{}").format(flux_symbol, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
@@ -352,6 +353,19 @@ def equations_markup(subject: ModelSubject) -> Markup:
     return Markup('<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>').format(
         left_side, right_side, output_symbol, output
     )
+
+
+def _eddy_markup(circuit: EddyCircuit, gamma_symbol: Markup, flux_symbol: Markup) -> Markup:
+    """Return the terms of the eddy currents; Z is the flux density inside a ring with leakage flux."""
+    rate = Markup("d{}/d<i>t</i>").format(flux_symbol)
+    terms = Markup(" + {} · {}").format(gamma_symbol, rate)
+    if circuit.leaky > 0.0:
+        terms = Markup(" + {} · ({:.3g} {} + {:.3g} d<i>Z</i>/d<i>t</i>)").format(
+            gamma_symbol, 1.0 - circuit.leaky, rate, circuit.leaky
+        )
+    if circuit.excess > 0.0:
+        terms += Markup(" ± {:.3g} √|{}|").format(circuit.excess, rate)
+    return terms
 
 
 def symbol_markup(name: str) -> Markup:
