@@ -25,12 +25,12 @@ from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
 MAX_ERROR_RATIO = 0.9
-"""Largest error with layers for which they are accepted, relative to the error of the static model
-or of fewer layers."""
+"""Largest error of an accepted form, relative to the error of the static model or of a simpler
+form."""
 
 MAX_SAMPLES_PER_LOOP = 120
 MAX_FINE_SAMPLES_PER_LOOP = 400
-"""Maximum number of fitted samples per loop: to compare forms, and to fit the selected one. A long
+"""Maximum number of fitted samples per loop, for the comparison and for the selected form. A long
 time step delays the flux."""
 
 CYCLE_TOLERANCE = 1e-6
@@ -43,12 +43,12 @@ GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
 equals the drive."""
 
 LEAKY_DELAY_START_RATIOS = np.array([0.1, 0.5, 2.0, 10.0])
-"""Initial delays of a leakage flux, relative to the time of one radian at the fastest rate."""
+"""Initial delays of a leakage flux, relative to the reciprocal of the fastest angular frequency."""
 
 EXCESS_START_RATIOS = np.array([0.01, 0.05, 0.2])
 """Initial excess fields at the fastest rate, relative to the drive."""
 
-MIN_GAMMA = 1e-30  # gamma below which there are no eddy currents, A s/(m T)
+MIN_GAMMA = 1e-30  # smallest gamma of an eddy circuit, A s/(m T)
 
 START_LAMINATED_SHARE = 0.2  # initial laminated fraction of the path
 
@@ -65,7 +65,7 @@ class RateFit:
 
     model: Model  # the model with layers or a lag; unchanged if they do not help
     reason: str  # reason why the rate dependence was accepted or rejected, as a sentence
-    rate: _RateParameters | None = None  # the fitted parameters; None without a rate dependence
+    rate: _RateParameters | None = None  # the fitted parameters, or None without a rate dependence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
     error: float = (
         np.inf
@@ -119,8 +119,8 @@ class _RateParameters:
     """The fitted parameters of a form."""
 
     form: _RateForm
-    # ``ln(gamma)``; for layers the logits of surface and laminated fraction; for a leakage flux the
-    # logit of its fraction and the logarithm of its delay; the logarithm of the excess field
+    # ``ln(gamma)``. Layers add the logits of surface and laminated fraction. A leakage flux adds the
+    # logit of its fraction and the logarithm of its delay. An excess loss adds its logarithm.
     theta: tuple[float, ...]
 
     @property
@@ -130,14 +130,14 @@ class _RateParameters:
 
     @property
     def layers(self) -> Layers | None:
-        """The layers; None for a uniform field."""
+        """The layers, or None for a uniform field."""
         if self.form.layer_count == 1:
             return None
         return Layers(self.form.layer_count, *map(_fraction, self.theta[1:3]))
 
     @property
     def eddy_circuit(self) -> EddyCircuit | None:
-        """Leakage flux and excess loss; None without both."""
+        """Leakage flux and excess loss, or None without both."""
         form = self.form
         if not (form.has_leakage or form.has_excess):
             return None
@@ -336,10 +336,9 @@ def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> 
 def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
     """Fit the rate dependence to fast loops, with a fixed static model.
 
-    A form is a candidate if its error at withheld loops is smaller than that of the static model,
-    and not larger than that of a single lag. Of the candidates, the form with the smallest error at
-    all fast loops is selected, but a form with more parameters or layers only for a smaller error by
-    a tenth.
+    A form is a candidate if it predicts withheld loops better than the static model, and not clearly
+    worse than a single lag. The simplest candidate is selected first. A form with more parameters or
+    layers replaces it if the error at all fast loops decreases by a tenth.
     """
     problem = _RateProblem(_with_series_reluctance(model), speeds, largest_output(loops))
     folds = problem.make_folds()
@@ -395,7 +394,7 @@ class _Candidate:
 
 
 def _try_form(problem: _RateProblem, folds: list[_Fold], form: _RateForm) -> _Candidate:
-    """Fit a form to all fast loops and, from there, to the loops of each fold."""
+    """Fit a form to all fast loops, then to the loops of each fold."""
     rate, _ = problem.fit(problem.groups, form)
     withheld_error = _geometric_mean(
         mean_error(

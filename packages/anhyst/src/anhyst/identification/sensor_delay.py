@@ -55,7 +55,7 @@ class SensorDelay:
     misfit: float = 0.0  # rms misfit of the curves around the reversals, units of the output
 
     def __str__(self) -> str:
-        """Return what was removed, as a sentence."""
+        """Return a sentence about the removed delay."""
         return (
             f"at sharp reversals the output is later than the input by {1e3 * self.seconds:.2g} ms "
             f"(standard error {1e3 * self.error:.1g} ms), which iron does not do: this delay of a sensor "
@@ -73,7 +73,7 @@ class _Reversal:
 
 
 def find_sensor_delay(speeds: SpeedGroups) -> SensorDelay | None:
-    """Return the delay that the fastest loops show; None if it is not clearly above its error.
+    """Return the delay of the fastest loops, or None if it is not clearly above its error.
 
     A negative delay is not removed: a drive that saturates the iron may look so.
     """
@@ -186,7 +186,7 @@ def _fit_corner(time: FloatArray, drive: FloatArray, margin: float) -> tuple[flo
 def _fit_window(
     reversals: Sequence[_Reversal], centre: float, window: float, noise: float
 ) -> SensorDelay | None:
-    """Return the delay near a centre; None if the reversals show no delay there."""
+    """Return the delay near a centre, or None if the reversals do not show it."""
     delays, rows, counts = centre + window * _SEARCH_SHARES, [], []
     for reversal in reversals:
         is_near = np.abs(reversal.time - centre) <= window
