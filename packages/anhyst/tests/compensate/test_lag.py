@@ -17,6 +17,7 @@ from anhyst.model.dynamics import Dynamics, EddyCircuit
 from tests.actuators import magnet
 from tests.compensate.test_solid import magnet as cell_magnet
 from tests.compilation.test_compile import measured
+from tests.refusals import refused
 
 RATE = 2e4
 FORMATS: tuple[SignalFormat, ...] = ("q15", "q31", "f32")
@@ -133,3 +134,23 @@ def test_budget_has_a_row_for_the_lag() -> None:
     assert part.worst is not None
     assert "without eddy currents it would be" in part.note
     assert part.worst < 0.01 * budget.reference_output
+
+
+def test_a_ring_too_slow_for_16_bit_words_is_refused_in_fixed_point() -> None:
+    slow = replace(leaky_cells(), eddy_circuit=EddyCircuit(0.8, 5.0))
+    with refused("ring-too-slow eddy_circuit"):
+        plan_of(slow, "q31")
+    assert plan_of(slow, "f32").block.word_value("LAG_FOLLOW") > 0.0
+
+
+@pytest.mark.slow
+def test_the_row_of_the_lag_does_not_depend_on_an_offset_of_the_current() -> None:
+    rows = []
+    for offset in (0.0, 0.2):
+        late = late_cells()
+        model = replace(late, parameters={**late.parameters, "in_0": offset})
+        part = measure_budget(plan_of(model, "f32")).find_part("rate")
+        assert part is not None
+        assert part.worst is not None
+        rows.append(part.worst)
+    assert rows[1] < 2.0 * rows[0] + 0.05

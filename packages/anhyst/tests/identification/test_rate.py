@@ -307,3 +307,55 @@ def test_a_form_that_extrapolates_worse_than_a_lag_is_not_used() -> None:
     model = found(measured()).model
     assert model.eddy_circuit is None
     assert model.layers is not None
+
+
+def with_gain(loops: Loops, gain: float) -> Loops:
+    """Return loops whose fast files were measured with another gain of the sensor."""
+    return loops.with_loops(
+        replace(loop, output=(1.0 if loop.label == "0.5 Hz" else gain) * loop.output) for loop in loops.loops
+    )
+
+
+@pytest.mark.parametrize("gain", [0.95, 0.99, 1.01])
+@pytest.mark.parametrize("rates", [(0.5, 50.0), SPEEDS])
+def test_a_gain_error_of_the_fast_files_gives_a_model_that_predicts(
+    gain: float, rates: tuple[float, ...]
+) -> None:
+    """Layers whose middle is frozen at all rates describe a gain error, but their cycles do not close."""
+    loops = measured(0.0)
+    one_gap = [
+        loop for loop in loops.loops
+        if loop.schedule_value == GAPS[0] and float(loop.label.split()[0]) in rates
+    ]  # fmt: skip
+    for given in (loops.with_loops(one_gap), loops):
+        model = identify(with_gain(given, gain), law="play-cells").model
+        drive, time = triangle(400), np.arange(400) / (400 * 100.0)
+        force = model.predict(drive, GAPS[0], time, "settled").output
+        expected = truth(0.0).predict(drive, GAPS[0], time, "settled").output
+        assert np.abs(force - expected).max() < 0.15 * expected.max()
+
+
+def test_loops_of_several_speeds_without_a_rate_fit_are_reported() -> None:
+    loops = measured()
+    without_time = [replace(loop, time=None) if loop.label == "0.5 Hz" else loop for loop in loops.loops]
+    assert any("have no times" in text for text in found(loops.with_loops(without_time)).warnings)
+    apart = [
+        loop
+        for loop in loops.loops
+        if loop.label == ("0.5 Hz" if loop.schedule_value == GAPS[0] else "50 Hz")
+    ]
+    assert any("several speeds" in text for text in found(loops.with_loops(apart)).warnings)
+    assert not any("rate dependence" in text for text in found(loops).warnings)
+
+
+def test_gaps_that_differ_by_the_error_of_their_sensor_are_compared() -> None:
+    loops = measured()
+    shifted = [
+        replace(loop, schedule=loop.schedule + 5e-7)
+        if loop.label == "50 Hz" and loop.schedule is not None
+        else loop
+        for loop in loops.loops
+    ]
+    speeds = group_by_speed(loops.with_loops(shifted))
+    assert speeds is not None
+    assert [len(group) for group in speeds.fast] == [2, 2]

@@ -15,7 +15,6 @@ from anhyst.identification.sensor_delay import (
     MIN_SIGMAS,
     SensorDelay,
     estimate_sensor_delay,
-    find_sensor_delay,
     remove_sensor_delay,
 )
 from anhyst.support.numeric import FloatArray
@@ -123,7 +122,7 @@ def test_the_delay_is_removed_from_cycles_and_from_records_that_end() -> None:
     late, prompt = measured(3e-4), measured(0.0)
     speeds = group_by_speed(late)
     assert speeds is not None
-    delay = find_sensor_delay(speeds)
+    delay = estimate_sensor_delay(speeds.fast[-1])
     assert delay is not None
     for shifted, loop in zip(remove_sensor_delay(late, delay).loops, prompt.loops, strict=True):
         assert np.abs(shifted.output - loop.output).max() < 0.01 * np.ptp(loop.output)
@@ -132,7 +131,9 @@ def test_the_delay_is_removed_from_cycles_and_from_records_that_end() -> None:
     assert shorter.n in (SAMPLES - 7, SAMPLES - 6)  # 0.3 ms are 6 steps
     prompt_speeds = group_by_speed(prompt)
     assert prompt_speeds is not None
-    assert find_sensor_delay(prompt_speeds) is None
+    prompt_delay = estimate_sensor_delay(prompt_speeds.fast[-1])
+    assert prompt_delay is not None
+    assert not prompt_delay.is_clear
 
 
 def test_identify_states_the_delay_and_the_model_does_not_contain_it() -> None:

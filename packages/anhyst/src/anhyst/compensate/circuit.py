@@ -144,8 +144,9 @@ def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> LagCoefficie
 def lag_of_excess(model: Model) -> float:
     """Return the lag that replaces an excess loss, A s/(m T); 0 without an excess loss.
 
-    The field is that of the excess loss at a third of the rate of the flux density in a full cycle
-    at the highest validated rate.
+    The field is that of the excess loss at the rate of the flux density in a full cycle at the
+    highest validated rate. A slower flux has a larger excess loss than this lag, a faster one a
+    smaller one.
     """
     circuit, dynamics, valid = model.eddy_circuit, model.dynamics, model.valid
     if circuit is None or circuit.excess == 0.0 or dynamics is None or valid is None:
@@ -153,5 +154,5 @@ def lag_of_excess(model: Model) -> float:
     gaps = np.array([valid.schedule[0]]) if valid.schedule is not None else None
     ends = np.array(valid.output)
     flux, _ = model.circuit(None if gaps is None else np.repeat(gaps, 2), np.zeros(2)).flux_density(ends)
-    rate = 2.0 * dynamics.fastest * float(np.ptp(flux)) / 3.0
+    rate = 2.0 * dynamics.fastest * float(np.ptp(flux))
     return circuit.excess / float(np.sqrt(rate)) if rate > 0.0 else 0.0

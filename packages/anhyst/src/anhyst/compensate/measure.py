@@ -341,8 +341,11 @@ class CompensatorTrial:
             errors = []
             for path in paths:
                 current = make_twin(used_block, builder.io).run(path.demand, path.gap)
-                # A record begins at rest: one sample without current precedes the first tick.
-                drive, gap = np.append(0.0, current), path.gap
+                # A record begins at rest: one sample without field precedes the first tick.
+                gap = path.gap
+                first_gap = dynamic_model.schedule_or_default(None if gap is None else float(gap[0]))
+                offset = dynamic_model.interpolate_parameter("in_0", [first_gap])
+                drive = np.append(offset, current)
                 gap = gap if gap is None else np.append(gap[0], gap)
                 time = np.arange(drive.size) / rate
                 output = dynamic_model.predict(drive, gap, time, history="demagnetised").output[1:]

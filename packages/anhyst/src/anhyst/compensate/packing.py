@@ -59,6 +59,10 @@ from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
+MIN_FOLLOW = 64.0 / 32768.0
+"""Smallest fraction of its distance that the flux inside a ring moves in a tick in fixed point; the
+rounding error of a smaller fraction would exceed 0.8 %."""
+
 
 def as_word(value: float, code_of_one: float, name: str) -> int:
     """Round a number to a 16-bit word in which `code_of_one` is 1.0."""
@@ -253,6 +257,13 @@ class BlockFrame:
         lag = None if is_static else lag_coefficient(self.model, self.gaps, self.conditioning.rate)
         self._pack_coefficients(packer, *law.coefficients, None if lag is None else lag.current)
         if lag is not None and lag.leaky > 0.0:
+            if packer.is_fixed and lag.follow < MIN_FOLLOW:
+                raise InputError(
+                    f"eddy_circuit: the flux inside the ring moves by only {lag.follow:.2g} of its distance in a "
+                    "tick, which 16-bit words represent too coarsely; compile with --io f32, or for a lower rate",
+                    code="ring-too-slow",
+                    key="eddy_circuit",
+                )
             packer.put_number("LAG_LEAKY", lag.leaky, "gamma", min_word=1)
             packer.put_number("LAG_FOLLOW", lag.follow, "gamma", min_word=1)
         law.pack(packer)

@@ -213,8 +213,8 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
         )
     if model.eddy_circuit is not None and model.eddy_circuit.excess > 0.0:
         notes.append(
-            "the excess loss is compiled as a lag, which is equal at a third of the highest validated "
-            "rate: the row 'rate' of the budget states the error"
+            "the excess loss is compiled as a lag, which is equal at the highest validated rate: the row "
+            "'rate' of the budget states the error, and faster demands are compensated too much"
         )
     if dynamics is not None and dynamics.lag > 0.0:
         notes.append(f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time")

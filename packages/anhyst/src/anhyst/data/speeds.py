@@ -22,6 +22,8 @@ MIN_SPEED_RATIO = 3.0
 Both the cycles per second and the input change per second must have this ratio. A loop of smaller
 amplitude can differ in one of these values, but not in both.
 """
+GAP_TOLERANCE = 5e-3
+"""Largest relative difference of scheduling values that count as equal."""
 MIN_HEIGHT_INCREASE = 0.01
 """Minimum increase of the loop height that is a rate effect, relative to the largest output."""
 
@@ -141,11 +143,37 @@ def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
         [
             loop_index
             for loop_index, (other_loop, other_speed) in enumerate(zip(loops, loop_speeds, strict=True))
-            if other_loop.schedule_value == loop.schedule_value
+            if _is_same_gap(other_loop, loop)
             and min(loop_speed[0] / other_speed[0], loop_speed[1] / other_speed[1]) >= MIN_SPEED_RATIO
         ]
         for loop, loop_speed in zip(loops, loop_speeds, strict=True)
     ]
+
+
+def _is_same_gap(loop: Loop, other_loop: Loop) -> bool:
+    """Return whether two loops have the same scheduling value, apart from the error of its sensor."""
+    values = loop.schedule_value, other_loop.schedule_value
+    if values[0] is None or values[1] is None:
+        return values[0] is values[1]
+    return abs(values[0] - values[1]) <= GAP_TOLERANCE * abs(values[0])
+
+
+def explain_no_rate(loops: Loops) -> str:
+    """Return why loops of several speeds have no fast and slow loop to compare; empty otherwise."""
+    with_times = [loop for loop in loops.loops if loop.time is not None]
+    if with_times and len(with_times) < len(loops):
+        return (
+            f"{len(loops) - len(with_times)} of {len(loops)} loops have no times: the rate dependence was "
+            "not fitted; add a column t_s to all of them"
+        )
+    speeds = np.array([_loop_speed(loop) for loop in with_times])
+    if not with_times or np.min(speeds.max(axis=0) / speeds.min(axis=0)) < MIN_SPEED_RATIO:
+        return ""
+    name = "gap" if loops.schedule is None else loops.schedule.name
+    return (
+        f"the loops have several speeds, but no {name} has a slow and a fast loop of a similar size: the "
+        f"rate dependence was not fitted; measure both at one {name}"
+    )
 
 
 def select_slow_loops(loops: Loops) -> Loops:

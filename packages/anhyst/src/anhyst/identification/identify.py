@@ -19,7 +19,7 @@ from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.resonance import describe_resonance
-from anhyst.data.speeds import SpeedGroups, group_by_speed, spread_equal_times
+from anhyst.data.speeds import SpeedGroups, explain_no_rate, group_by_speed, spread_equal_times
 from anhyst.identification.any_law import fit_any_law
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_BY_SHAPE
@@ -33,7 +33,11 @@ from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import MAX_ERROR_RATIO, continue_rate_fit, fit_rate, remove_rate_effect
 from anhyst.identification.run import MAX_SEARCH_SAMPLES, IdentifyResult, Outcome, SearchRun
-from anhyst.identification.sensor_delay import find_sensor_delay, remove_sensor_delay
+from anhyst.identification.sensor_delay import (
+    describe_unclear_delay,
+    estimate_sensor_delay,
+    remove_sensor_delay,
+)
 from anhyst.identification.space import SERIES_MAPS
 from anhyst.identification.uncertainty import (
     assess_uncertainty,
@@ -84,7 +88,8 @@ def identify(
     can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
     loops = spread_equal_times(loops) if can_fit_rate else loops
     speeds, delay_text = group_by_speed(loops) if can_fit_rate else None, ""
-    if speeds is not None and (delay := find_sensor_delay(speeds)) is not None:
+    delay = None if speeds is None else estimate_sensor_delay(speeds.fast[-1])
+    if delay is not None and delay.is_clear:
         loops, delay_text = remove_sensor_delay(loops, delay), str(delay)
         speeds = group_by_speed(loops)
 
@@ -126,7 +131,10 @@ def identify(
 
     outcome = _fit_all_speeds(loops, fit_static, speeds)
     lag = describe_coil_lag(loops)
-    warnings = [*plausibility_warnings, *filter(None, (lag, delay_text)), *_warnings(loops, outcome)]
+    unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
+    rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""
+    notes = filter(None, (lag, delay_text or unclear_delay, rate_warning))
+    warnings = [*plausibility_warnings, *notes, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,

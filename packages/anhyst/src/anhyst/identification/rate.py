@@ -22,6 +22,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA_NAME, Dynamics, EddyCircuit, Layers
 from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
+from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
 
 MAX_ERROR_RATIO = 0.9
@@ -38,9 +39,10 @@ MAX_CYCLES = 40
 """Maximum number of cycles until a steady-state loop closes, and the tolerance of the closing,
 relative to the field scale of the law."""
 
+GAMMA_RATIO_LIMITS = np.array([1e-6, 30.0])
 GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
-"""Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
-equals the drive."""
+"""Range and initial values of ``gamma``, relative to the value whose eddy-current field at the
+fastest rate equals the drive. Larger values would freeze the flux at all rates."""
 
 LEAKY_DELAY_START_RATIOS = np.array([0.1, 0.5, 2.0, 10.0])
 """Initial delays of a leakage flux, relative to the reciprocal of the fastest angular frequency."""
@@ -101,10 +103,10 @@ class _RateForm:
 
     @property
     def theta_limits(self) -> tuple[float, ...]:
-        """Largest absolute values of the fitted parameters."""
+        """Largest absolute values of the fitted parameters after ``ln(gamma)``."""
         fractions = (6.0, 6.0) if self.layer_count > 1 else ()
         leakage = (6.0, 20.0) if self.has_leakage else ()
-        return (50.0, *fractions, *leakage, *((50.0,) if self.has_excess else ()))
+        return (*fractions, *leakage, *((50.0,) if self.has_excess else ()))
 
     def __str__(self) -> str:
         """Return the form in words."""
@@ -242,8 +244,11 @@ class _RateProblem:
         self.gamma_scale = drive / (self.fastest_angular_rate * density)
         self.excess_scale = drive / np.sqrt(self.fastest_angular_rate * density)
 
-    def make_fit(self, rate: _RateParameters, log_gamma_std: float, reason: str) -> RateFit:
-        """Return the static model with fitted rate parameters."""
+    def make_fit(self, rate: _RateParameters, log_gamma_std: float, reason: str, loops: Loops) -> RateFit:
+        """Return the static model with fitted rate parameters.
+
+        The error is infinite if the model cannot predict all loops.
+        """
         model = replace(
             self.model,
             parameters={**self.model.parameters, "gamma": rate.gamma},
@@ -252,7 +257,7 @@ class _RateProblem:
             dynamics=replace(self.model.dynamics or Dynamics(), fastest=self.fastest_rate),
         )
         error = mean_error([*self.groups, self.slow_paths], rate)
-        return RateFit(model, reason, rate, log_gamma_std, error)
+        return RateFit(model, reason, rate, log_gamma_std, error if _can_predict(model, loops) else np.inf)
 
     def make_folds(self) -> list[_Fold]:
         """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
@@ -305,10 +310,12 @@ class _RateProblem:
             ]
             return np.concatenate(rows)
 
-        theta_limits = np.array(form.theta_limits)
-        theta_start = np.clip(start.theta, -theta_limits + 0.1, theta_limits - 0.1)
+        gamma_limits = np.log(GAMMA_RATIO_LIMITS * self.gamma_scale)
+        lower = np.array([gamma_limits[0], *(-limit for limit in form.theta_limits)])
+        upper = np.array([gamma_limits[1], *form.theta_limits])
+        theta_start = np.clip(start.theta, lower + 0.1, upper - 0.1)
         result = least_squares(
-            residuals, theta_start, bounds=(-theta_limits, theta_limits), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
+            residuals, theta_start, bounds=(lower, upper), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
             max_nfev=15,
         )  # fmt: skip
         degrees_of_freedom = max(1, result.fun.size - result.x.size)
@@ -361,11 +368,19 @@ def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
     for candidate in candidates[1:]:
         if candidate.error < MAX_ERROR_RATIO * chosen.error:
             chosen = candidate
-    reason = (
-        f"{chosen.rate.form}: the error at the fast loops is {100.0 * chosen.error:.2g} % of full scale, at "
-        f"withheld loops {100.0 * chosen.withheld_error:.2g} %; the error of the static model there is {static_text}"
+    test_text = (
+        "no loops could be withheld"
+        if folds[0][0] is problem.groups
+        else f"at withheld loops {100.0 * chosen.withheld_error:.2g} %"
     )
-    return _fit_fine_samples(model, loops, speeds, chosen.rate, reason)
+    reason = (
+        f"{chosen.rate.form}: the error at the fast loops is {100.0 * chosen.error:.2g} % of full scale, "
+        f"{test_text}; the error of the static model there is {static_text}"
+    )
+    rate_fit = _fit_fine_samples(model, loops, speeds, chosen.rate, reason)
+    if np.isinf(rate_fit.error):
+        return RateFit(model, f"{chosen.rate.form} fits the fast loops, but its cycles do not close")
+    return rate_fit
 
 
 def continue_rate_fit(rate_fit: RateFit, model: Model, loops: Loops, speeds: SpeedGroups) -> RateFit:
@@ -381,7 +396,7 @@ def _fit_fine_samples(
     static_model = _with_series_reluctance(model)
     problem = _RateProblem(static_model, speeds, largest_output(loops), MAX_FINE_SAMPLES_PER_LOOP)
     rate, std = problem.fit(problem.groups, start.form, start)
-    return problem.make_fit(rate, std, reason)
+    return problem.make_fit(rate, std, reason, loops)
 
 
 @dataclass(frozen=True)
@@ -404,6 +419,16 @@ def _try_form(problem: _RateProblem, folds: list[_Fold], form: _RateForm) -> _Ca
         for fitted_paths, withheld_paths in folds
     )
     return _Candidate(rate, mean_error(problem.groups, rate), withheld_error)
+
+
+def _can_predict(model: Model, loops: Loops) -> bool:
+    """Return whether all steady-state cycles of a model close."""
+    try:
+        for loop in loops.loops:
+            model.predict_loop(loop)
+    except NegativeResult:
+        return False
+    return True
 
 
 def _geometric_mean(values: Iterable[float]) -> float:

@@ -22,7 +22,6 @@ from anhyst.data import Loop, Loops
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import replace_columns
 from anhyst.data.path import find_branches
-from anhyst.data.speeds import SpeedGroups
 from anhyst.support.numeric import FloatArray
 
 POWERS = ((1.0, 1.0), (1.0, 1.5), (1.0, 2.0), (1.0, 3.0), (-1.0, 3.0))
@@ -36,7 +35,8 @@ BIAS_SHARE = 0.03
 """Bias of the delay by the shape of the loop, as a fraction of the half-width of the window. With it,
 no delay is removed on 96 virtual magnets without a delay (docs/rate.md)."""
 MIN_SIGMAS = 3.0
-"""Number of standard errors above which a delay is not a property of the loop."""
+MIN_UNCLEAR_SIGMAS = 1.5
+"""Number of standard errors above which a delay is removed, and above which it is reported."""
 MIN_SHARPNESS = 0.8
 """Smallest change of the slope of the input at a reversal, relative to that of a triangle."""
 _CORNER_SHARE = 0.15  # part of the window around a reversal that does not determine its time
@@ -53,6 +53,14 @@ class SensorDelay:
     seconds: float  # s; negative if the input seems late
     error: float  # standard error including the bias, s
     misfit: float = 0.0  # rms misfit of the curves around the reversals, units of the output
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the delay is clearly above its error.
+
+        A negative delay is not clear, because a drive that saturates the iron has the same effect.
+        """
+        return self.seconds > MIN_SIGMAS * self.error
 
     def __str__(self) -> str:
         """Return a sentence about the removed delay."""
@@ -72,13 +80,19 @@ class _Reversal:
     rounding: float  # square of the time constant that rounds the reversal of the input, s^2
 
 
-def find_sensor_delay(speeds: SpeedGroups) -> SensorDelay | None:
-    """Return the delay of the fastest loops, or None if it is not clearly above its error.
-
-    A negative delay is not removed: a drive that saturates the iron may look so.
-    """
-    delay = estimate_sensor_delay(speeds.fast[-1])
-    return delay if delay and delay.seconds > MIN_SIGMAS * delay.error else None
+def describe_unclear_delay(delay: SensorDelay | None) -> str:
+    """Return a warning about a possible delay that is attributed to the iron; empty without one."""
+    if delay is None:
+        return (
+            "the reversals of the input do not show whether the output is delayed: a delay of the sensor "
+            "would be part of the rate dependence; measure triangles, or remove it (--clean skew)"
+        )
+    if delay.is_clear or delay.seconds < MIN_UNCLEAR_SIGMAS * delay.error:
+        return ""
+    return (
+        f"the output may be later than the input by {1e3 * delay.seconds:.2g} ms (standard error "
+        f"{1e3 * delay.error:.1g} ms): this is too uncertain to be removed, and is part of the rate dependence"
+    )
 
 
 def estimate_sensor_delay(loops: Sequence[Loop]) -> SensorDelay | None:
