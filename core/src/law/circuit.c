@@ -256,9 +256,10 @@ static anhyst_status solve_with_excess(const anhyst_iron_f64 *iron, const anhyst
     }
     change = next_change;
     const double other_slope = surplus / change - secant;
+    const double positive_slope = other_slope > 0.0 ? other_slope : 0.0;
     const double root =
         2.0 * surplus /
-        (root_slope + sqrt(root_slope * root_slope + 4.0 * (other_slope > 0.0 ? other_slope : 0.0) * surplus));
+        (root_slope + sqrt(root_slope * root_slope + 4.0 * positive_slope * surplus));
     secant = root_slope / root;
     status = solve_with_line(iron, state, circuit->gap_ratio, line->slope + secant,
                              drive + line->constant + secant * line->start_flux, reaction);
