@@ -31,6 +31,8 @@ static void any_head(int16_t *words)
   words[ANHYST_WORD_GAP_FLUX_ARM] = FLUX_ARM;
   words[ANHYST_WORD_GAP_FIELD_ARM] = FIELD_ARM;
   words[ANHYST_WORD_GAP_LAG_ARM] = nondet_i16() != 0 ? LAG_ARM : 0;
+  words[ANHYST_WORD_LAG_LEAKY] = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_LAG_KEEP] = (int16_t)any_within(0, ANHYST_Q15_MAX);
 }
 
 static int32_t any_field(anhyst_compensator *c)

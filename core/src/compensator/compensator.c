@@ -51,9 +51,10 @@ static int32_t limit_bias(int32_t bias)
 static int16_t add_coefficients(int16_t a, int16_t b) { return anhyst_add_q15(a, b); }
 static int32_t multiply(int32_t a, int16_t weight) { return anhyst_scale(a, weight); }
 
+/* Returns a*fraction for a fraction of at least 0; the result cannot overflow. */
 static int32_t multiply_fraction(int32_t a, int16_t fraction)
 {
-  return anhyst_shl_q31(anhyst_scale(a, fraction), 1);
+  return anhyst_scale(a, fraction) * 2;
 }
 
 static int32_t add(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }

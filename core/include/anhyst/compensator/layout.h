@@ -91,9 +91,9 @@ enum {
   ANHYST_WORD_GAP_LAG_ARM = 27,
   /* q15: fraction of gap_lag_arm for the flux inside a ring with leakage flux (0: no ring) */
   ANHYST_WORD_LAG_LEAKY = 28,
-  /* q15: fraction of its distance from the flux that the flux inside the ring moves in a tick (0
-     only without a ring) */
-  ANHYST_WORD_LAG_FOLLOW = 29,
+  /* q15: fraction of the difference between the flux inside the ring and the flux that remains
+     after a tick (0 without a ring) */
+  ANHYST_WORD_LAG_KEEP = 29,
 
   /* Kind full: the Jiles-Atherton law with its exact step. The unit of fields is X, the largest
      field of the tables. */

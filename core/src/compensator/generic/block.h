@@ -43,18 +43,16 @@ static int are_limits_valid(const entry *words, int16_t low, int16_t high)
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
-/* Returns whether the table of the eddy-current lag over the gap is valid, or does not exist, and
-   whether a ring follows the flux. The sum of the lag coefficient and the flux coefficient
-   saturates. */
+/* Returns whether the table of the eddy-current lag over the gap is valid, or does not exist. The
+   sum of the lag coefficient and the flux coefficient saturates. */
 static int is_lag_valid(const entry *words)
 {
-  const entry leaky = words[ANHYST_WORD_LAG_LEAKY];
   if (words[ANHYST_WORD_GAP_LAG_ARM] == 0) {
-    return leaky == 0 && words[ANHYST_WORD_LAG_FOLLOW] == 0;
+    return words[ANHYST_WORD_LAG_LEAKY] == 0 && words[ANHYST_WORD_LAG_KEEP] == 0;
   }
-  return is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0) && is_in_range(leaky, 0, ENTRY_ONE) &&
-         is_in_range(words[ANHYST_WORD_LAG_FOLLOW], 0, ENTRY_ONE) &&
-         (leaky > 0) == (words[ANHYST_WORD_LAG_FOLLOW] > 0);
+  return is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0) &&
+         is_in_range(words[ANHYST_WORD_LAG_LEAKY], 0, ENTRY_ONE) &&
+         is_in_range(words[ANHYST_WORD_LAG_KEEP], 0, ENTRY_ONE);
 }
 
 static int are_common_words_valid(const entry *words)

@@ -62,8 +62,7 @@ static arms_type current_coefficients(const compensator *c, gap_position positio
   arms.field_arm = interpolate_over_gap(position, words[ANHYST_WORD_GAP_FIELD_ARM]);
   if (words[ANHYST_WORD_GAP_LAG_ARM] > 0) {
     const entry lag = interpolate_over_gap(position, words[ANHYST_WORD_GAP_LAG_ARM]);
-    const number lead =
-        multiply_fraction(subtract(c->ring_flux, c->flux_applied), words[ANHYST_WORD_LAG_LEAKY]);
+    const number lead = multiply_fraction(c->ring_lead, words[ANHYST_WORD_LAG_LEAKY]);
     arms.flux_arm = add_coefficients(arms.flux_arm, lag);
     arms.bias = limit_bias(arms.bias - multiply(add(c->flux_applied, lead), lag));
   }
@@ -121,7 +120,7 @@ static void init_state(compensator *c, const kernel_type *kernel, const entry *w
   c->applied = 0;
   c->flux = 0;
   c->flux_applied = 0;
-  c->ring_flux = 0;
+  c->ring_lead = 0;
   c->gap = 0;
   c->flags = 0;
   demagnetise(c);
@@ -149,15 +148,6 @@ static void solve_demand(compensator *c, number demand, number gap)
   end_call(c);
 }
 
-/* Moves the flux inside the ring towards the flux. Without a ring, both are equal. */
-static void move_ring_flux(compensator *c)
-{
-  const entry follow = c->words[ANHYST_WORD_LAG_FOLLOW];
-  const number distance = subtract(c->flux_applied, c->ring_flux);
-  c->ring_flux =
-      follow > 0 ? add(c->ring_flux, multiply_fraction(distance, follow)) : c->flux_applied;
-}
-
 /* Commits the solved current by a copy of the trial step. If the solved current was limited, or
    another current was applied, searches for the flux of the applied current. The trial step of a
    limited current is already at the limit, so that the search is short. An applied current that is
@@ -181,8 +171,10 @@ static void commit_current(compensator *c, number applied, number gap)
     end_call(c);
     return;
   }
-  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, to_internal_current(words, applied));
-  move_ring_flux(c);
+  const number flux = is_solved ? c->flux : c->kernel->flux(c, to_internal_current(words, applied));
+  c->ring_lead = multiply_fraction(add(c->ring_lead, subtract(c->flux_applied, flux)),
+                                   words[ANHYST_WORD_LAG_KEEP]);
+  c->flux_applied = flux;
   if (c->kernel->keep != 0) {
     c->kernel->keep(c);
   }
@@ -212,7 +204,6 @@ static void swap_block(compensator *c, const entry *words)
   flux = limit_flux(flux);
   c->kernel = select_kernel(c->kernel, words);
   c->kernel->carry(c, words, flux);
-  c->ring_flux = limit_flux(add(flux, subtract(c->ring_flux, c->flux_applied)));
   c->flux_applied = flux;
   c->words = words;
   read_scales(c);

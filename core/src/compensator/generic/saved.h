@@ -28,7 +28,7 @@ static void save_state(const compensator *c, saved_memory *to)
   to->content.size = (uint32_t)(sizeof(to->word) / sizeof(to->word[0]));
   to->content.block = block_checksum(c);
   to->content.flux_applied = c->flux_applied;
-  to->content.ring_flux = c->ring_flux;
+  to->content.ring_lead = c->ring_lead;
   to->content.applied = c->applied;
   to->content.gap = c->gap;
   for (uint16_t j = 0; j < ANHYST_MEMORIES; j++) {
@@ -74,7 +74,7 @@ static anhyst_status restore_state(compensator *c, const saved_memory *from)
     }
   }
   c->flux_applied = from->content.flux_applied;
-  c->ring_flux = from->content.ring_flux;
+  c->ring_lead = from->content.ring_lead;
   c->applied = from->content.applied;
   c->gap = from->content.gap;
   c->flags = 0;

@@ -140,7 +140,7 @@ def test_a_ring_too_slow_for_16_bit_words_is_refused_in_fixed_point() -> None:
     slow = replace(leaky_cells(), eddy_circuit=EddyCircuit(0.8, 5.0))
     with refused("ring-too-slow eddy_circuit"):
         plan_of(slow, "q31")
-    assert plan_of(slow, "f32").block.word_value("LAG_FOLLOW") > 0.0
+    assert plan_of(slow, "f32").block.word_value("LAG_KEEP") > 0.0
 
 
 @pytest.mark.slow

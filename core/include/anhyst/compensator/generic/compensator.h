@@ -138,7 +138,7 @@ typedef struct anhyst_compensator_x {
   ANHYST_REAL current;             /* result of the last solve, fraction of full scale */
   ANHYST_REAL flux;                /* flux of the last solve */
   ANHYST_REAL flux_applied;        /* flux after the last commit */
-  ANHYST_REAL ring_flux;           /* flux inside a ring with leakage flux */
+  ANHYST_REAL ring_lead;           /* flux inside a leaky ring minus flux_applied */
   ANHYST_REAL applied;             /* current of the last commit, fraction of full scale */
   int32_t conditioned;             /* number of completed ticks of the conditioning sequence */
   ANHYST_REAL gap;                 /* gap of the last solve or commit, in the unit of the model */
@@ -225,7 +225,7 @@ typedef struct {
   uint16_t kind;
   uint32_t size;
   ANHYST_REAL flux_applied;
-  ANHYST_REAL ring_flux;
+  ANHYST_REAL ring_lead;
   ANHYST_REAL applied;
   ANHYST_REAL gap;
   anhyst_saved_layer_x layer[ANHYST_MEMORIES];

@@ -118,7 +118,7 @@ class LagCoefficients:
 
     current: FloatArray  # current for a flux that rises by 1 in a tick, at each gap; shape (n,)
     leaky: float  # fraction of this current for the flux inside a ring with leakage flux
-    follow: float  # fraction of its distance from the flux that the flux inside moves in a tick
+    keep: float  # fraction of the difference between both fluxes that remains after a tick
 
 
 def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> LagCoefficients | None:
@@ -137,7 +137,7 @@ def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> LagCoefficie
     return LagCoefficients(
         current=np.asarray((free + leaky) * flux_unit(model) / c_h),
         leaky=float(np.max(leaky / (free + leaky))),
-        follow=follow,
+        keep=1.0 - follow,
     )
 
 

@@ -59,8 +59,8 @@ from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-MIN_FOLLOW = 64.0 / 32768.0
-"""Smallest fraction of its distance that the flux inside a ring moves in a tick in fixed point; the
+MIN_MOVE = 64.0 / 32768.0
+"""Smallest fraction of its distance that the flux inside a ring moves in a tick in fixed point. The
 rounding error of a smaller fraction would exceed 0.8 %."""
 
 
@@ -257,15 +257,15 @@ class BlockFrame:
         lag = None if is_static else lag_coefficient(self.model, self.gaps, self.conditioning.rate)
         self._pack_coefficients(packer, *law.coefficients, None if lag is None else lag.current)
         if lag is not None and lag.leaky > 0.0:
-            if packer.is_fixed and lag.follow < MIN_FOLLOW:
+            if packer.is_fixed and lag.keep > 1.0 - MIN_MOVE:
                 raise InputError(
-                    f"eddy_circuit: the flux inside the ring moves by only {lag.follow:.2g} of its distance in a "
+                    f"eddy_circuit: the flux inside the ring moves by only {1.0 - lag.keep:.2g} of its distance in a "
                     "tick, which 16-bit words represent too coarsely; compile with --io f32, or for a lower rate",
                     code="ring-too-slow",
                     key="eddy_circuit",
                 )
             packer.put_number("LAG_LEAKY", lag.leaky, "gamma", min_word=1)
-            packer.put_number("LAG_FOLLOW", lag.follow, "gamma", min_word=1)
+            packer.put_number("LAG_KEEP", lag.keep, "gamma")
         law.pack(packer)
         block = packer.make_block(self.scales, self.limits)
         try:

@@ -260,10 +260,12 @@ def _build_msp430(build_folder: BuildFolder) -> Variant:
     path = build_folder.folder / "msp430.elf"
     compiler = [*zig_cc("msp430"), "-target", "msp430-freestanding-none", *FREESTANDING_FLAGS]
     compiler += ["-T", str(HARNESS_FOLDER / "msp430.ld"), "-Wl,--entry=reset"]
-    # A whole position controller fits into 56 KiB of flash only if it is optimised for size.
-    level = "-Os" if build_folder.subject == "controller" else "-O2"
+    # A whole position controller fits into 56 KiB of flash only if it is optimised for size, and if
+    # only functions that are declared inline are copied into their callers.
+    is_controller = build_folder.subject == "controller"
+    level, size_flags = ("-Os", ["-finline-hint-functions"]) if is_controller else ("-O2", [])
     # Without -g, the linker removes the symbols.
-    build = build_folder.make_build("msp430", level, "-g", "-Wl,--gc-sections")
+    build = build_folder.make_build("msp430", level, *size_flags, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
     program, chip = Msp430Program(path, image), "MSP430, 16x16 multiplier"
