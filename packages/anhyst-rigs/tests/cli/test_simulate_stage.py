@@ -82,7 +82,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     change(rig, "noise_seeds = 10", "noise_seeds = 2")
     change(rig, "[loops]", '[loops]\nlaw = "effective-field"')
     (folder / "out").mkdir()
-    completed = quick("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
+    completed = quick("simulate", "rig.toml", "--out", "out/run.csv", "--verbose", cwd=folder)
     assert completed.returncode == 0, completed.stderr
     assert "against 'single-valued': Worth it" in unwrapped(completed.stdout)
     head = (folder / "out" / "run.csv").read_text().splitlines()[0].split(",")
