@@ -13,22 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from anhyst.data import Loop
 from anhyst.data.speeds import SpeedGroups, group_by_speed
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from rate_magnets import MAGNET_COUNT, RateMagnet, rate_magnet
 from rows import Row
+from speed_magnets import Deviations, find_deviations
 
-RATES = (1.0, 20.0, 100.0)  # Hz
 TARGETS = {"1 Hz": 0.06, "20 Hz": 0.35, "100 Hz": 0.9, "random": 0.2}
 """Targets of the median magnet: mean deviation, % of the largest force."""
 WORST_TARGETS = {"20 Hz": 2.5, "100 Hz": 6.0}
 """Targets of the worst deviation of any magnet with a solid part, % of the largest force."""
 METHODS = ("default", "static and lag", "static")
-
-Deviations = dict[str, tuple[float, float]]
-"""Mean and worst deviation by the name of a record, % of the largest force."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +48,10 @@ def evaluate_magnet(number: int) -> RateResult:
     seconds = time.process_time() - start_time
     static_model = identify(speeds.slow).model
     models = dict(zip(METHODS, (model, _with_lag(static_model, speeds), static_model), strict=True))
-    middle_gap = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
-    records = {f"{rate:g} Hz": magnet.cycle(rate, middle_gap) for rate in RATES}
-    records["random"] = magnet.random_record()
+    records = magnet.comparison_records()
     largest = max(float(np.max(loop.output)) for loop in loops.loops)
     deviations = {
-        method: {name: _deviation(candidate, record, largest) for name, record in records.items()}
-        for method, candidate in models.items()
+        method: find_deviations(candidate, records, largest) for method, candidate in models.items()
     }
     chosen = f"{model.law}, {model.gap_map}, {model.layers or model.eddy_circuit or 'one lag'}"
     return RateResult(magnet, deviations, chosen, seconds)
@@ -79,13 +72,6 @@ def _with_lag(static_model: Model, speeds: SpeedGroups) -> Model:
     starts = np.log(np.geomspace(1e-3, 1e3, 25))
     start = min(starts.tolist(), key=error)
     return lagging(float(minimize_scalar(error, bounds=(start - 0.6, start + 0.6), method="bounded").x))
-
-
-def _deviation(model: Model, record: Loop, largest: float) -> tuple[float, float]:
-    history = "demagnetised" if record.label == "random" else "settled"
-    predicted = model.predict(record.input, record.schedule, record.time, history).output
-    percent = 100.0 * np.abs(predicted - record.output) / largest
-    return float(percent.mean()), float(percent.max())
 
 
 def rows() -> list[Row]:

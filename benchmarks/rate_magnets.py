@@ -9,17 +9,16 @@ values come from the ranges in this file, with a fixed seed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from anhyst._core import Piece, Steel
-from anhyst.data import Loop, Loops
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import MU_0, QUANTITIES
+from anhyst.support.units import MU_0
 from drawn_families import draw_iron
 from drawn_irons import PlantIron
+from speed_magnets import SpeedMagnet, Step, solve_newton
 
 SEED = 20261130
 KINDS = ("ring", "half ring", "ladder", "excess loss", "rod", "rod and plate")
@@ -27,25 +26,15 @@ MAGNETS_PER_KIND = 4
 MAGNET_COUNT = MAGNETS_PER_KIND * len(KINDS)
 FAMILIES = ("preisach", "duhem", "cells")
 
-SPEEDS = (0.5, 5.0, 50.0)  # Hz
-SAMPLES_PER_CYCLE = 400
-CYCLE_COUNT = 3  # the last one is recorded
 CELLS = 20  # cells of a solid part
-NOISE = 3e-4  # force noise, relative to the largest force
-CURRENT_NOISE = 1e-4  # current noise, relative to the largest current
-
-_NEWTON_STEPS = 60
-_TOLERANCE = 1e-9
 _LADDER_STEPS = 3
-
-_Step = Callable[[float, float, float], float]
-"""Function of ampere-turns, A, gap length, m, and time step, s, to the force, N."""
 
 
 @dataclass(frozen=True)
-class RateMagnet:
+class RateMagnet(SpeedMagnet):
     """A magnet in the demagnetised state."""
 
+    seed = SEED
     number: int
     irons: tuple[Steel, Steel]  # pole and yoke
     lengths: tuple[float, float]  # pole and yoke, m
@@ -63,61 +52,9 @@ class RateMagnet:
         """Mechanism of the lag."""
         return KINDS[self.number // 2 % len(KINDS)]
 
-    def run(self, current: FloatArray, gap: FloatArray, time: FloatArray) -> FloatArray:
-        """Return the force over a record, N, starting demagnetised."""
-        step = _make_half_ringed_magnet(self) if self.kind == "half ring" else _make_series_magnet(self)
-        force = np.empty(current.size)
-        previous_time = time[0] - (time[1] - time[0])
-        for index, (amperes, sample_gap, sample_time) in enumerate(zip(current, gap, time, strict=True)):
-            force[index] = step(self.turns * amperes, sample_gap, sample_time - previous_time)
-            previous_time = sample_time
-        return force
-
-    def cycle(self, rate: float, gap: float, low: float = 0.0, high: float = 1.0) -> Loop:
-        """Return the last of several triangles between fractions of the largest current, without noise."""
-        triangle = 1.0 - np.abs(2.0 * np.arange(SAMPLES_PER_CYCLE) / SAMPLES_PER_CYCLE - 1.0)
-        current_cycle = self.largest_current * (low + (high - low) * triangle)
-        current = np.tile(current_cycle, CYCLE_COUNT)
-        time = np.arange(current.size) / (SAMPLES_PER_CYCLE * rate)
-        force = self.run(current, np.full(current.size, gap), time)
-        return Loop(
-            f"{rate:g} Hz, {low:g} to {high:g}",
-            current_cycle,
-            force[-SAMPLES_PER_CYCLE:],
-            np.full(SAMPLES_PER_CYCLE, gap),
-            time[:SAMPLES_PER_CYCLE],
-        )
-
-    def measure_loops(self, amplitudes: tuple[float, ...] = (1.0,) * len(SPEEDS)) -> Loops:
-        """Return loops with noise at each speed and gap, with the given amplitude of each speed."""
-        rng = np.random.default_rng([SEED, self.number, 1])
-        cycles = [
-            self.cycle(rate, gap, 0.0, amplitude)
-            for gap in self.gaps
-            for rate, amplitude in zip(SPEEDS, amplitudes, strict=True)
-        ]
-        largest_force = max(float(np.max(loop.output)) for loop in cycles)
-        loops = []
-        for loop in cycles:
-            noise = rng.normal(size=(2, loop.n))
-            current = loop.input + CURRENT_NOISE * self.largest_current * noise[0]
-            force = loop.output + NOISE * largest_force * noise[1]
-            loops.append(Loop(loop.label, current, force, loop.schedule, loop.time))
-        return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
-
-    def random_record(self, samples: int = 3000) -> Loop:
-        """Return a record of ramps between random currents at random rates while the gap moves."""
-        rng = np.random.default_rng([SEED, self.number, 2])
-        reversal_currents, time = [0.0], [0.0]
-        for _ in range(20):
-            reversal_currents.append(float(self.largest_current * rng.random()))
-            speed = self.largest_current * 2.0 * 50.0 ** rng.random()  # A/s: triangles of 1 to 50 Hz
-            time.append(time[-1] + max(1e-3, abs(reversal_currents[-1] - reversal_currents[-2]) / speed))
-        clock = np.linspace(0.0, time[-1], samples)
-        gap_phase = 6.0 * np.pi * clock / clock[-1]
-        gap = self.gaps[0] + (self.gaps[-1] - self.gaps[0]) * (0.5 - 0.5 * np.cos(gap_phase))
-        current = np.interp(clock, time, reversal_currents)
-        return Loop("random", current, self.run(current, gap, clock), gap, clock)
+    def make_step(self) -> Step:
+        """Return the step of the magnet, starting demagnetised."""
+        return _make_half_ringed_magnet(self) if self.kind == "half ring" else _make_series_magnet(self)
 
 
 class _Part:
@@ -239,7 +176,7 @@ def _parts_of(magnet: RateMagnet) -> list[_Part]:
     return [_Part.laminated(pole, pole_length, pole_area), _Part.laminated(yoke, yoke_length, yoke_area)]
 
 
-def _make_series_magnet(magnet: RateMagnet) -> _Step:
+def _make_series_magnet(magnet: RateMagnet) -> Step:
     """Return the step of a magnet whose parts carry one flux, with a branch in series."""
     parts, branch = _parts_of(magnet), _SeriesBranch(magnet)
     starts = np.cumsum([0, *(len(part.start_fields()) for part in parts)])
@@ -288,7 +225,7 @@ def _make_series_magnet(magnet: RateMagnet) -> _Step:
 
         scale = np.ones(unknown_count)
         scale[0] = excitation / path_length + 1.0
-        fields, density = _solve(find_residuals, fields, scale)
+        fields, density = solve_newton(find_residuals, fields, scale)
         for number, part in enumerate(parts):
             start, stop = int(starts[number]), int(starts[number + 1])
             for cell, field in zip(part.cells, fields[start + part.is_solid : stop], strict=True):
@@ -299,29 +236,7 @@ def _make_series_magnet(magnet: RateMagnet) -> _Step:
     return step
 
 
-def _solve(
-    find_residuals: Callable[[FloatArray], tuple[FloatArray, FloatArray, float]],
-    fields: FloatArray,
-    scale: FloatArray,
-) -> tuple[FloatArray, float]:
-    """Return the solution of Newton's method with a line search, and the density there."""
-    residuals, slopes, density = find_residuals(fields)
-    for _ in range(_NEWTON_STEPS):
-        largest_residual = float(np.max(np.abs(residuals / scale)))
-        if largest_residual <= _TOLERANCE:
-            break
-        newton_step, fraction = np.linalg.solve(slopes, -residuals), 1.0
-        for _ in range(12):
-            trial = find_residuals(fields + fraction * newton_step)
-            if float(np.max(np.abs(trial[0] / scale))) < largest_residual:
-                break
-            fraction *= 0.5
-        fields = fields + fraction * newton_step
-        residuals, slopes, density = trial
-    return fields, density
-
-
-def _make_half_ringed_magnet(magnet: RateMagnet) -> _Step:
+def _make_half_ringed_magnet(magnet: RateMagnet) -> Step:
     """Return the step of a magnet with a shorted ring around one half of the pole face."""
     halves, yoke = [Piece(magnet.irons[0]) for _ in range(2)], Piece(magnet.irons[1])
     (pole_length, yoke_length), (area, yoke_area) = magnet.lengths, magnet.areas
@@ -363,7 +278,7 @@ def _make_half_ringed_magnet(magnet: RateMagnet) -> _Step:
         field_scale = excitation / path_length + 1.0
         scale = np.array([field_scale, field_scale, 1.0])
         start_fields = np.array([halves[0].field, halves[1].field, yoke.field])
-        fields, _ = _solve(find_residuals, start_fields, scale)
+        fields, _ = solve_newton(find_residuals, start_fields, scale)
         for piece, field in zip((*halves, yoke), fields, strict=True):
             piece.commit(float(field))
         return (halves[0].density ** 2 + halves[1].density ** 2) * area / (2.0 * MU_0)

@@ -36,7 +36,8 @@ from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
 from anhyst_rigs.study.tracking.gains import find_gains
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from rows import ROOT, Row
-from solid_magnets import FIRST_RINGED_MAGNET, MAGNET_COUNT, SPEEDS, SolidMagnet, solid_magnet
+from solid_magnets import FIRST_RINGED_MAGNET, MAGNET_COUNT, SolidMagnet, solid_magnet
+from speed_magnets import SPEEDS, Deviations, find_deviations
 from tracking import IRONS, RIG, with_iron
 
 TICKS_PER_SECOND, CYCLES, FORCE_BAND = 20_000.0, 4, (0.1, 0.5)
@@ -62,8 +63,8 @@ class MagnetResult:
     """Mean and worst deviation of one magnet, % of the largest force, without and with layers."""
 
     number: int
-    static_deviations: dict[str, tuple[float, float]]
-    layer_deviations: dict[str, tuple[float, float]]
+    static_deviations: Deviations
+    layer_deviations: Deviations
     slow_rms_ratio: float  # ratio of the rms error of the slow loops with layers to that without
     seconds: float
     chosen_model: str
@@ -81,19 +82,19 @@ def evaluate_magnet(number: int) -> MagnetResult:
     identify_seconds = time.process_time() - start_time
     static_model = identify(speed_groups.slow).model
     largest = max(float(np.max(loop.output)) for loop in loops.loops)
-    middle_gap = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
-    records = {f"{rate:g} Hz": magnet.cycle(rate, middle_gap) for rate in (1.0, 20.0, 100.0)}
-    records["random"] = magnet.random_record((magnet.gaps[0], magnet.gaps[-1]))
+    records = magnet.comparison_records()
     static_deviations, layer_deviations = (
-        {name: _deviations(candidate_model, loop, largest) for name, loop in records.items()}
-        for candidate_model in (static_model, model)
+        find_deviations(candidate_model, records, largest) for candidate_model in (static_model, model)
     )
     assert model.fit is not None
     assert static_model.fit is not None
     with_layers = [loop.rms for loop in model.fit.loops if loop.label.startswith(f"{SPEEDS[0]:g} ")]
     slow_rms_ratio = float(np.sqrt(np.mean(np.square(with_layers))) / static_model.fit.rms)
     chosen_model = f"{model.law}, {model.gap_map}, layers {model.layers}"
-    open_loop_errors = open_loop(magnet, model, middle_gap), open_loop(magnet, model.at_rest, middle_gap)
+    open_loop_errors = (
+        open_loop(magnet, model, magnet.middle_gap),
+        open_loop(magnet, model.at_rest, magnet.middle_gap),
+    )
     return MagnetResult(
         number,
         static_deviations,
@@ -124,13 +125,6 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = 
     force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS_PER_SECOND)
     errors = np.abs(force - demand)[-ticks:]
     return 100.0 * float(errors.max()) / plan.reference_output
-
-
-def _deviations(model: Model, loop: Loop, largest: float) -> tuple[float, float]:
-    history = "demagnetised" if loop.label == "random" else "settled"
-    predicted = model.predict(loop.input, loop.schedule, loop.time, history).output
-    errors_percent = 100.0 * np.abs(predicted - loop.output) / largest
-    return float(errors_percent.mean()), float(errors_percent.max())
 
 
 def run_on_stage(iron: str) -> dict[MethodName, Measures]:

@@ -16,33 +16,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst._core import Piece, Steel
-from anhyst.data import Loop, Loops
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import MU_0, QUANTITIES
+from anhyst.support.units import MU_0
 from drawn_families import draw_iron
 from drawn_irons import PlantIron
+from speed_magnets import SpeedMagnet, Step, solve_newton
 
 SEED = 20261124
 MAGNET_COUNT = 8
 FIRST_RINGED_MAGNET = 6
 FAMILIES = ("preisach", "duhem", "cells")
 
-SPEEDS = (0.5, 5.0, 50.0)  # Hz
 GAPS = 3
-SAMPLES_PER_CYCLE = 400  # samples per cycle
-CYCLE_COUNT = 3  # the last one is recorded
 CELLS = 12
-NOISE = 3e-4  # force noise, relative to the largest force
-SPEED_NOISE = 1e-4  # current noise, relative to the largest current
-
-_NEWTON_STEPS = 60
-_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class SolidMagnet:
+class SolidMagnet(SpeedMagnet):
     """A magnet in the demagnetised state."""
 
+    seed = SEED
     number: int
     armature: Steel
     yoke: Steel
@@ -54,86 +47,24 @@ class SolidMagnet:
     largest_current: float  # current of the largest force, A
     gaps: tuple[float, ...]  # m
 
-    def gap_reluctance(self, gap: float) -> float:
-        """Return the reluctance of both gaps, 1/H."""
-        return 2.0 * gap / (MU_0 * self.areas[0])
-
-    def force(self, density: FloatArray) -> FloatArray:
-        """Return the force of both gaps, N, for a flux density in the armature, T."""
-        return density**2 * self.areas[0] / MU_0
-
-    def run(self, current: FloatArray, gap: FloatArray, time: FloatArray) -> FloatArray:
-        """Return the force over a record, N, starting demagnetised."""
+    def make_step(self) -> Step:
+        """Return the step of the magnet, starting demagnetised."""
         step = _make_slab_magnet(self) if self.number < FIRST_RINGED_MAGNET else _make_ringed_magnet(self)
-        density = np.empty(current.size)
-        previous_time = time[0] - (time[1] - time[0])
-        for index, (sample_current, sample_gap, sample_time) in enumerate(
-            zip(current, gap, time, strict=True)
-        ):
-            density[index] = step(
-                self.turns * sample_current, self.gap_reluctance(sample_gap), sample_time - previous_time
-            )
-            previous_time = sample_time
-        return self.force(density)
+        area = self.areas[0]
 
-    def cycle(self, rate: float, gap: float, low: float = 0.0, high: float = 1.0) -> Loop:
-        """Return the last of several triangles between fractions of the largest current, without noise."""
-        current_cycle = self.largest_current * (low + (high - low) * _triangle(SAMPLES_PER_CYCLE))
-        current = np.tile(current_cycle, CYCLE_COUNT)
-        time = np.arange(current.size) / (SAMPLES_PER_CYCLE * rate)
-        force = self.run(current, np.full(current.size, gap), time)
-        label = f"{rate:g} Hz, {low:g} to {high:g}"
-        return Loop(
-            label,
-            current_cycle,
-            force[-SAMPLES_PER_CYCLE:],
-            np.full(SAMPLES_PER_CYCLE, gap),
-            time[:SAMPLES_PER_CYCLE],
-        )
+        def find_force(excitation: float, gap: float, seconds: float) -> float:
+            outer_reluctance = 2.0 * gap / (MU_0 * area)  # both gaps, 1/H
+            density = step(excitation, outer_reluctance, seconds)
+            return density * density * area / MU_0
 
-    def measure_loops(self) -> Loops:
-        """Return the loops for identification: a full triangle at each rate and gap, with noise."""
-        rng = np.random.default_rng([SEED, self.number, 1])
-        noise_free_loops = [self.cycle(rate, gap) for gap in self.gaps for rate in SPEEDS]
-        span = max(float(np.max(loop.output)) for loop in noise_free_loops)
-        loops = []
-        for loop in noise_free_loops:
-            noise = rng.normal(size=(2, loop.n))
-            loops.append(
-                Loop(
-                    loop.label,
-                    loop.input + SPEED_NOISE * self.largest_current * noise[0],
-                    loop.output + NOISE * span * noise[1],
-                    loop.schedule,
-                    loop.time,
-                )
-            )
-        return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
-
-    def random_record(self, gaps: tuple[float, float], samples: int = 3000) -> Loop:
-        """Return a record of ramps between random currents at random rates while the gap moves."""
-        rng = np.random.default_rng([SEED, self.number, 2])
-        reversal_currents, time = [0.0], [0.0]
-        for _ in range(20):
-            reversal_currents.append(float(self.largest_current * rng.random()))
-            speed = self.largest_current * 2.0 * 50.0 ** rng.random()  # A/s: triangles of 1 to 50 Hz
-            time.append(time[-1] + max(1e-3, abs(reversal_currents[-1] - reversal_currents[-2]) / speed))
-        clock = np.linspace(0.0, time[-1], samples)
-        gap_phase = 2.0 * np.pi * 3.0 * clock / clock[-1]
-        gap = gaps[0] + (gaps[1] - gaps[0]) * (0.5 - 0.5 * np.cos(gap_phase))
-        current = np.interp(clock, time, reversal_currents)
-        return Loop("random", current, self.run(current, gap, clock), gap, clock)
+        return find_force
 
 
-def _triangle(samples: int) -> FloatArray:
-    return np.asarray(1.0 - np.abs(2.0 * np.arange(samples) / samples - 1.0))
-
-
-_Step = Callable[[float, float, float], float]
+_DensityStep = Callable[[float, float, float], float]
 """Function of ampere-turns, A, outer reluctance, 1/H, and time step, s, to flux density, T."""
 
 
-def _make_ringed_magnet(magnet: SolidMagnet) -> _Step:
+def _make_ringed_magnet(magnet: SolidMagnet) -> _DensityStep:
     iron = Piece(magnet.armature)
     length, area = magnet.lengths[0], magnet.areas[0]
     first_ring, leaky_ring, inductance = magnet.rings
@@ -159,7 +90,7 @@ def _make_ringed_magnet(magnet: SolidMagnet) -> _Step:
     return step
 
 
-def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
+def _make_slab_magnet(magnet: SolidMagnet) -> _DensityStep:
     width = np.geomspace(1.0, 6.0, CELLS)
     width /= width.sum()
     # Conductances at the outer face of each cell, from the surface; zero at the symmetry plane.
@@ -206,19 +137,7 @@ def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
             return trial_residuals, slopes, flux / area
 
         scale = np.concatenate([[1.0, excitation / armature_length + 1.0], width])
-        residuals, slopes, flux = find_residuals(fields)
-        for _ in range(_NEWTON_STEPS):
-            largest_residual = float(np.max(np.abs(residuals / scale)))
-            if largest_residual <= _TOLERANCE:
-                break
-            newton_step, step_fraction = np.linalg.solve(slopes, -residuals), 1.0
-            for _ in range(12):
-                trial = find_residuals(fields + step_fraction * newton_step)
-                if float(np.max(np.abs(trial[0] / scale))) < largest_residual:
-                    break
-                step_fraction *= 0.5
-            fields = fields + step_fraction * newton_step
-            residuals, slopes, flux = trial
+        fields, flux = solve_newton(find_residuals, fields, scale)
         yoke.commit(float(fields[0]))
         for cell, field in zip(cells, fields[2:], strict=True):
             cell.commit(float(field))

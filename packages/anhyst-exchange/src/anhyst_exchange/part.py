@@ -17,7 +17,6 @@ from xml.etree import ElementTree as Xml
 from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
 from anhyst.model.actuator import Model, require_core
-from anhyst.model.dynamics import EddyCircuit
 from anhyst.model.parameters import CIRCUIT_SPECS
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
@@ -353,14 +352,10 @@ def _creep_macros(model: Model) -> dict[str, object]:
 
 def _layer_macros(model: Model) -> dict[str, object]:
     if model.layers is None:
-        circuit = model.eddy_circuit or EddyCircuit()
-        gamma = model.parameters["gamma"]
-        settings = (
-            circuit.core_settings(gamma) if isinstance(gamma, float) and gamma > 0.0 else (0.0, 0.0, 0.0)
-        )
+        settings = model.core_eddy_circuit or (0.0, 0.0, 0.0)
         return {
             "ACTUATOR_LAYERS": 1,
-            "ACTUATOR_MEMORIES": 1 + circuit.state_numbers,
+            "ACTUATOR_MEMORIES": 1 + (model.eddy_circuit.state_numbers if model.eddy_circuit else 0),
             "ACTUATOR_EDDY_CIRCUIT": ", ".join(f"{value:.17g}" for value in settings),
         }
     return {

@@ -25,8 +25,10 @@ FIELD_MARGIN = 1.02
 """Largest field of the table rows, relative to the largest field for allowed currents."""
 
 SOLID_FIELD_MARGIN = 2.0
-AREA_WORDS = ("SOLID_SURFACE", "SOLID_SECOND", "SOLID_THIRD")
 """Field margin for a solid core, where the field at the surface is ahead of the mean field."""
+
+AREA_WORDS = ("SOLID_SURFACE", "SOLID_SECOND", "SOLID_THIRD")
+"""Words for the cross-section fractions of the layers, from the surface inwards."""
 
 ZONE_EXPONENTS = range(6)
 """Tested exponents of the inner zone: narrow segments end at 2**-exponent of the largest field."""

@@ -151,8 +151,7 @@ def lag_of_excess(model: Model) -> float:
     circuit, dynamics, valid = model.eddy_circuit, model.dynamics, model.valid
     if circuit is None or circuit.excess == 0.0 or dynamics is None or valid is None:
         return 0.0
-    gaps = np.array([valid.schedule[0]]) if valid.schedule is not None else None
-    ends = np.array(valid.output)
-    flux, _ = model.circuit(None if gaps is None else np.repeat(gaps, 2), np.zeros(2)).flux_density(ends)
+    gaps = None if valid.schedule is None else np.full(2, valid.schedule[0])
+    flux, _ = model.circuit(gaps, np.zeros(2)).flux_density(np.array(valid.output))
     rate = 2.0 * dynamics.fastest * float(np.ptp(flux))
     return circuit.excess / float(np.sqrt(rate)) if rate > 0.0 else 0.0

@@ -31,6 +31,7 @@ from anhyst.compensate.circuit import (
     MAX_WEIGHT,
     WEIGHT_UNIT,
     CurrentCoefficients,
+    LagCoefficients,
     current_coefficients,
     flux_gain,
     flux_shift,
@@ -59,7 +60,7 @@ from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-MIN_MOVE = 64.0 / 32768.0
+MIN_RING_MOVE = 64.0 / 32768.0
 """Smallest fraction of its distance that the flux inside a ring moves in a tick in fixed point. The
 rounding error of a smaller fraction would exceed 0.8 %."""
 
@@ -213,6 +214,19 @@ class LawTables:
     offset: FloatArray | None = None  # output at zero flux at each gap; None: that of the model
 
 
+def _pack_ring(packer: Packer, lag: LagCoefficients) -> None:
+    """Set the words of a ring with leakage flux."""
+    if packer.is_fixed and lag.keep > 1.0 - MIN_RING_MOVE:
+        raise InputError(
+            f"eddy_circuit: the flux inside the ring moves by only {1.0 - lag.keep:.2g} of its distance in a "
+            "tick, which 16-bit words represent too coarsely; compile with --io f32, or for a lower rate",
+            code="ring-too-slow",
+            key="eddy_circuit",
+        )
+    packer.put_number("LAG_LEAKY", lag.leaky, "gamma", min_word=1)
+    packer.put_number("LAG_KEEP", lag.keep, "gamma")
+
+
 @dataclass(frozen=True)
 class BlockFrame:
     """Parts of a block that all laws share: limits, start-up sequence, and tables over the gap."""
@@ -257,15 +271,7 @@ class BlockFrame:
         lag = None if is_static else lag_coefficient(self.model, self.gaps, self.conditioning.rate)
         self._pack_coefficients(packer, *law.coefficients, None if lag is None else lag.current)
         if lag is not None and lag.leaky > 0.0:
-            if packer.is_fixed and lag.keep > 1.0 - MIN_MOVE:
-                raise InputError(
-                    f"eddy_circuit: the flux inside the ring moves by only {1.0 - lag.keep:.2g} of its distance in a "
-                    "tick, which 16-bit words represent too coarsely; compile with --io f32, or for a lower rate",
-                    code="ring-too-slow",
-                    key="eddy_circuit",
-                )
-            packer.put_number("LAG_LEAKY", lag.leaky, "gamma", min_word=1)
-            packer.put_number("LAG_KEEP", lag.keep, "gamma")
+            _pack_ring(packer, lag)
         law.pack(packer)
         block = packer.make_block(self.scales, self.limits)
         try:

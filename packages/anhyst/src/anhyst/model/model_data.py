@@ -340,11 +340,14 @@ class ModelData:
     def _iron(self, schedule: float) -> IronOperator:
         gap, law = np.array([schedule]), self.operator_law
         values = (float(self.interpolate_parameter(spec.name, gap)[0]) for spec in law.parameters)
-        return _cached_iron(law, self._core_eddy_circuit or self.layers, *values)
+        return _cached_iron(law, self.core_eddy_circuit or self.layers, *values)
 
     @property
-    def _core_eddy_circuit(self) -> tuple[float, float, float] | None:
-        """The eddy circuit in the units of the core."""
+    def core_eddy_circuit(self) -> tuple[float, float, float] | None:
+        """The numbers of `AnyIron.set_eddy_circuit`, or None without an eddy circuit.
+
+        `InputError` is raised if ``gamma`` varies or is 0, and for layers.
+        """
         if self.eddy_circuit is None:
             return None
         gamma = self.parameters["gamma"]

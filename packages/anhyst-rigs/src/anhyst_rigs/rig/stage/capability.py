@@ -156,25 +156,30 @@ def make_capability(rig: BodyRig) -> Capability:
     )
 
 
-def largest_wrench_factor(rig: BodyRig, wrench: FloatArray, *, is_allocated: bool = True) -> float:
+def largest_wrench_factor(rig: BodyRig, wrench: FloatArray) -> float:
     """Return the largest factor of a wrench in both directions, in addition to the weight.
 
-    The controller can allocate the wrench for all smaller factors, unless `is_allocated` is false.
+    The controller can allocate the wrench for all smaller factors.
     """
-    file, capability = rig.settings, make_capability(rig)
+    return _largest_factors(rig, make_capability(rig), wrench)[1]
+
+
+def _largest_factors(rig: BodyRig, capability: Capability, wrench: FloatArray) -> tuple[float, float]:
+    """Return the largest factor that the magnets can apply, and that the controller can allocate."""
+    file = rig.settings
     push = scaled_wrenches(file, wrench[None, :])[0]
     possible = min(capability.largest_factor(way, -capability.weight) for way in (push, -push))
-    if not is_allocated or possible <= 0.0:
-        return max(possible, 0.0)
+    if possible <= 0.0:
+        return 0.0, 0.0
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
     allocated = 0.0
     for factor in np.linspace(0.0, possible, _ALLOCATION_STEPS + 1).tolist():
         for way in (factor * wrench, -factor * wrench):
             forces, is_made = layout.share((way - weight_wrench(file)).tolist())
             if not is_made or (np.array(forces) > (1.0 + _MIN_COMPONENT) * capability.forces).any():
-                return allocated
+                return possible, allocated
         allocated = factor
-    return allocated
+    return possible, allocated
 
 
 def capability_faults(rig: BodyRig) -> Iterator[FileFault]:
@@ -209,15 +214,13 @@ def capability_faults(rig: BodyRig) -> Iterator[FileFault]:
         text += f"its weight: {shortage}; lower force_min_N, or move a magnet"
         yield FileFault(("magnet",), text, code="load-too-large")
         return
-    yield from _scan_faults(rig, limit_text)
+    yield from _scan_faults(rig, capability, limit_text)
 
 
-def _scan_faults(rig: BodyRig, limit_text: str) -> Iterator[FileFault]:
+def _scan_faults(rig: BodyRig, capability: Capability, limit_text: str) -> Iterator[FileFault]:
     """Find accelerations of the set-point that the magnets cannot apply in both directions."""
     file = rig.settings
-    possible, allocated = (
-        largest_wrench_factor(rig, scan_wrench(file), is_allocated=flag) for flag in (False, True)
-    )
+    possible, allocated = _largest_factors(rig, capability, scan_wrench(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
         required = file.body.mass_kg * max(getattr(file.scan, key))
         required_text = f"{file.body.mass_kg:g} kg need {required:.4g} N along the set-point"

@@ -21,7 +21,7 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kinds import UNKNOWN_FILE, file_kind
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import ParameterName
+from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.rig.recording import Recording
@@ -216,12 +216,15 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
 
 def _find_rejection(law: MotionLaw, run: Recording, training_run: Recording) -> str | None:
     """Return why ``calibrate`` would reject the recording of a move, and a remedy; None if not."""
-    move, training = (
-        calibrate_from_motions(law, [law.make_motion(tested.columns)]) for tested in (run, training_run)
-    )
+
+    def calibrate(tested: Recording) -> CalibratedMethod:
+        return calibrate_from_motions(law, [law.make_motion(tested.columns)])
+
+    move = calibrate(run)
     if move.is_applied:
         return None
-    remedy = "record its own set-point" if training.is_applied else "its own set-point is rejected too"
+    is_training_accepted = calibrate(training_run).is_applied
+    remedy = "record its own set-point" if is_training_accepted else "its own set-point is rejected too"
     return f"calibrate would reject '{law.method}' on this motion: {move.summary}; {remedy}"
 
 
