@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from anhyst.data import History, Loop, Loops, read_columns, write_csv
-from anhyst.data.formats.channels import Texts
+from anhyst.data.formats.channels import SCPI_MARKS, Texts
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import MAX_MEASURED_VALUE, find_turning_points
 from anhyst.data.reading import read_loops
 from anhyst.support.units import DRIVE_QUANTITIES, QUANTITIES, QUANTITY_DIMENSIONS, UNITS, parse_header
 
-FINITE = st.floats(-MAX_MEASURED_VALUE, MAX_MEASURED_VALUE)  # larger values are not measurements
+# Larger values are not measurements, and two values mark samples without a measurement.
+FINITE = st.floats(-MAX_MEASURED_VALUE, MAX_MEASURED_VALUE).filter(lambda value: abs(value) not in SCPI_MARKS)
 DIMENSION = dict(QUANTITY_DIMENSIONS)
 
 
