@@ -13,7 +13,7 @@ history of the flux determines how the reluctance changes over the gap, and so t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -102,9 +102,11 @@ class CircuitFit:
         return rms(self.deviations)
 
     @property
-    def zero_current(self) -> float:
-        """The current that would produce the unknown remanent flux, relative to the largest current."""
-        return float(self.parameters[-1])
+    def zeros(self) -> FloatArray:
+        """Remanent flux linkage that each record has lost, Wb; shape (records,)."""
+        first_rows = np.unique(self.records.record, return_index=True)[1]
+        slopes = self.records.zero_slope[first_rows]
+        return np.asarray(self.records.scales[1] * slopes * (self.parameters[-1] if slopes.any() else 0.0))
 
     def in_si(self, circuit: FluxMap) -> FluxMap:
         """Return a normalised circuit in SI units."""
@@ -139,9 +141,7 @@ class CircuitFit:
 
 
 def fit_circuit(
-    records: FluxRecords,
-    knowledge: Knowledge | None = None,
-    starts: Sequence[FloatArray] = (),
+    records: FluxRecords, knowledge: Knowledge | None = None, starts: Sequence[FloatArray] = ()
 ) -> CircuitFit:
     """Fit a flux circuit from several starts, by default three, and return the best fit."""
     problem = _Problem(records, knowledge or Knowledge())
@@ -213,7 +213,13 @@ class _Problem:
         for leakage, fringe_per_mm in _STARTS:
             fringe = fringe_per_mm * gap_mm
             start = np.full(self.size, _START_SATURATION)
-            start[:5] = -np.log(0.5 * (1.0 + fringe)), np.log(fringe), 0.0, leakage, _LEAKAGE_SLOPE[0] * gap_mm
+            start[:5] = (
+                -np.log(0.5 * (1.0 + fringe)),
+                np.log(fringe),
+                0.0,
+                leakage,
+                _LEAKAGE_SLOPE[0] * gap_mm,
+            )
             starts.append(start)
         return starts
 
@@ -238,7 +244,9 @@ class _Problem:
             flux = flux + records.zero_slope * parameters[-1]
         gap_flux = circuit.gap_flux(flux, records.gap)
         drop = circuit.armature(gap_flux)[0] + circuit.reluctance(records.gap)[0] * gap_flux
-        return (self.fixed_basis or YokeBasis.of(records, flux)).fit((records.current - drop) * records.weight)
+        return (self.fixed_basis or YokeBasis.of(records, flux)).fit(
+            (records.current - drop) * records.weight
+        )
 
     def _priors(self, parameters: FloatArray) -> FloatArray:
         gap_scale = self.records.scales[2]

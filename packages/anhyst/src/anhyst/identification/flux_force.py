@@ -7,13 +7,15 @@ identified from these loops of force as from measured ones.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from anhyst.data.loops import Loops
+from anhyst.data.table import check_source, read_columns
 from anhyst.identification.flux_circuit import (
     PRIORS,
     CircuitFit,
@@ -22,11 +24,12 @@ from anhyst.identification.flux_circuit import (
     PoleArea,
     fit_circuit,
 )
-from anhyst.identification.flux_records import elapsed_fraction, prepare_records
-from anhyst.model.flux_map import FluxMap
+from anhyst.identification.flux_records import prepare_records
+from anhyst.model.flux_map import FluxMap, elapsed_fraction
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import MU_0
+from anhyst.support.units import MU_0, QUANTITIES
 from anhyst.support.wording import count_text
 
 OutputName = Literal["auto", "force", "flux_linkage"]
@@ -43,6 +46,8 @@ _LARGEST_CONTRADICTION = 0.15
 _AREA_SIGMA = 0.05
 """Relative standard deviation of the permeance of a pole from its drawing."""
 
+_NEGLIGIBLE_DRIFT = 5e-4
+
 _REPEATED_FITS = 12
 _LEVELS = 12
 _MEAN_FACTOR = 1.0
@@ -55,6 +60,28 @@ class ForceCalibration:
 
     readings: tuple[ForceReading, ...] = ()
     pole: PoleArea | None = None
+
+
+def read_calibration(
+    force_at: PathLike | Any, pole_area: float | None, turns: float | None
+) -> ForceCalibration | None:
+    """Return the calibration of the command line or of Python; None if nothing is given."""
+    if (pole_area is None) is not (turns is None):
+        text = "pole_area and turns belong together; give both or neither"
+        raise InputError(text, code="options-missing", key="pole_area")
+    for name, value in (("pole_area", pole_area), ("turns", turns)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name}: is {value:g}; it must be above 0", code="not-above-zero", key=name)
+    pole = None if pole_area is None or turns is None else PoleArea(pole_area, turns)
+    readings: tuple[ForceReading, ...] = ()
+    if force_at is not None:
+        check_source(force_at, "identify: force_at", "a file, a data frame or a dict of arrays")
+        table = read_columns(force_at)
+        columns = [
+            np.abs(table.require(name, QUANTITIES[name].column)) for name in ("current", "gap", "force")
+        ]
+        readings = tuple(ForceReading(*map(float, row)) for row in zip(*columns, strict=True))
+    return None if pole is None and not readings else ForceCalibration(readings, pole)
 
 
 @dataclass(frozen=True)
@@ -80,44 +107,32 @@ def find_no_force_reason(loops: Loops) -> str:
 def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> DerivedForce:
     """Fit the flux circuit, and return the loops of force."""
     loops.by_schedule()  # refuses moving gaps
-    loops, drift = remove_drift(loops, fit_circuit(prepare_records(loops)))
-    records = prepare_records(loops)
+    first_fit = fit_circuit(prepare_records(loops))
+    drifts = first_fit.drifts * first_fit.records.scales[1]
+    records = prepare_records(_remove_drift(loops, drifts))
     fit, knowledge = fit_circuit(records), Knowledge()
     if calibration.readings or calibration.pole is not None:
         readings = _check_readings(calibration.readings, fit)
         knowledge = Knowledge(tuple(readings), _normalise_pole(calibration.pole, fit))
         fit = fit_circuit(records, knowledge, (fit.parameters,))
+    drifts = drifts + fit.drifts * records.scales[1]
     mean, worst = estimate_uncertainty(fit, knowledge, np.random.default_rng(seed))
     flux = replace(
         fit.in_si(fit.circuit),
         mean_uncertainty=mean,
         worst_uncertainty=worst,
-        assumptions=_assumptions(fit, calibration),
+        zeros=tuple(fit.zeros.tolist()),
+        drifts=tuple(drifts.tolist()),
+        assumptions=_assumptions(fit, calibration, float(np.abs(drifts).max()) / records.scales[1]),
     )
-    corrected = _add_remanence(loops, fit)
-    return DerivedForce(flux.force_loops(corrected), flux, _warnings(fit))
+    return DerivedForce(flux.force_loops(loops), flux, _warnings(fit))
 
 
-def remove_drift(loops: Loops, fit: CircuitFit) -> tuple[Loops, float]:
-    """Return loops without the fitted drift of the flux linkage, and the largest drift removed."""
-    corrected = [
-        replace(loop, output=loop.output - drift * fit.records.scales[1] * elapsed_fraction(loop))
-        for loop, drift in zip(loops.loops, fit.drifts.tolist(), strict=True)
-    ]
-    return loops.with_loops(corrected), float(np.abs(fit.drifts).max())
-
-
-def _add_remanence(loops: Loops, fit: CircuitFit) -> Loops:
-    """Return loops whose flux linkage includes the estimated remanence, if their zero is unknown."""
-    records, flux_scale = fit.records, fit.records.scales[1]
-    if not records.zero_slope.any():
-        return loops
-    shifts = [
-        flux_scale * fit.zero_current * float(records.zero_slope[records.record == index][0])
-        for index in range(len(loops))
-    ]
+def _remove_drift(loops: Loops, drifts: FloatArray) -> Loops:
+    """Return loops without the drift of each record, Wb."""
     return loops.with_loops(
-        replace(loop, output=loop.output + shift) for loop, shift in zip(loops.loops, shifts, strict=True)
+        replace(loop, output=loop.output - drift * elapsed_fraction(loop))
+        for loop, drift in zip(loops.loops, drifts.tolist(), strict=True)
     )
 
 
@@ -198,7 +213,7 @@ def estimate_uncertainty(
     return _MEAN_FACTOR * float(scatter.mean()), _WORST_FACTOR * float(scatter.max())
 
 
-def _assumptions(fit: CircuitFit, calibration: ForceCalibration) -> tuple[str, ...]:
+def _assumptions(fit: CircuitFit, calibration: ForceCalibration, drift: float) -> tuple[str, ...]:
     """Return what the force is based on, one sentence each."""
     gap_count = fit.records.gaps.size
     texts = [
@@ -206,6 +221,8 @@ def _assumptions(fit: CircuitFit, calibration: ForceCalibration) -> tuple[str, .
         "The current is slow enough that eddy currents do not matter.",
         "The same gap sensor is used for the loops and later.",
     ]
+    if drift > _NEGLIGIBLE_DRIFT:
+        texts.append(f"A drift of up to {100.0 * drift:.2g} % of the largest flux linkage was removed.")
     if calibration.readings:
         texts.append(f"Calibrated with {count_text(len(calibration.readings), 'force reading')}.")
     if calibration.pole is not None:

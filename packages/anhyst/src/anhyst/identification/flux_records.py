@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import find_turning_points, is_bipolar
+from anhyst.model.flux_map import elapsed_fraction
 from anhyst.support.numeric import FloatArray
 
 RAMP_SAMPLES = 24
@@ -117,21 +119,14 @@ def starts_at_unknown_flux(loop: Loop) -> bool:
     return abs(rest_flux) <= _MAX_ZERO_REMANENCE * float(np.abs(loop.output).max())
 
 
-def elapsed_fraction(loop: Loop) -> FloatArray:
-    """Return the time of each sample as a fraction of the record."""
-    if loop.time is None:
-        return np.linspace(0.0, 1.0, loop.n)
-    return (loop.time - loop.time[0]) / (loop.time[-1] - loop.time[0])
-
-
 def _smooth_ramps(loop: Loop) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Smooth the ramps between reversals by local parabolas, and thin them; also return the time."""
     from scipy.signal import savgol_filter  # imported here because SciPy loads slowly
 
     reversals, elapsed = find_turning_points(loop.input), elapsed_fraction(loop)
     parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    for start, stop in zip(reversals[:-1], reversals[1:], strict=True):
-        size = int(stop - start) + 1
+    for start, stop in pairwise(reversals.tolist()):
+        size = stop - start + 1
         ramp = [column[start : stop + 1] for column in (loop.input, loop.output)]
         window = min(_SMOOTHED_SAMPLES, size - 1 + size % 2)
         if window >= _SMALLEST_WINDOW:
@@ -167,7 +162,7 @@ def _mean_slope(current: FloatArray, flux: FloatArray) -> FloatArray:
         np.bincount(bins, column, _SLOPE_BINS)[is_filled] / counts[is_filled] for column in (current, flux)
     )
     slope = np.gradient(np.maximum.accumulate(mean_flux), mean_current)
-    return np.maximum(np.interp(current, mean_current, slope), _MIN_SLOPE)
+    return np.asarray(np.maximum(np.interp(current, mean_current, slope), _MIN_SLOPE))
 
 
 def _move_stops(flux: FloatArray) -> FloatArray:

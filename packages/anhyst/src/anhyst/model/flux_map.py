@@ -23,7 +23,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from anhyst.data.loops import Loops
+from anhyst.data.loops import Loop, Loops
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileRecord, FiniteNumber, Numbers, Texts
@@ -61,6 +61,10 @@ class FluxMap(FileRecord):
     # relative to the largest force; None for a map that was not identified
     mean_uncertainty: NotNegative | None = None
     worst_uncertainty: NotNegative | None = None
+    # flux linkage of each loop of the identification before its first sample, and drift until its
+    # last one, Wb; empty for a map that was not identified
+    zeros: Numbers = ()
+    drifts: Numbers = ()
     assumptions: Texts = ()  # what was assumed and calibrated, one sentence each
 
     def __post_init__(self) -> None:
@@ -138,10 +142,22 @@ class FluxMap(FileRecord):
         return np.asarray(flux + self.leakage_permeance(gap) * drop)
 
     def force_loops(self, loops: Loops) -> Loops:
-        """Return loops of flux linkage as loops of force."""
-        converted = [
-            replace(loop, output=self.force(loop.output, loop.schedule))
-            for loop in loops.loops
-            if loop.schedule is not None
-        ]
+        """Return the loops of the identification as loops of force, without drift."""
+        if len(loops) != len(self.drifts):
+            raise InputError(
+                f"{len(loops)} loops, but the force was derived from {len(self.drifts)}; identify again",
+                code="source-changed",
+            )
+        converted = []
+        for loop, zero, drift in zip(loops.loops, self.zeros, self.drifts, strict=True):
+            assert loop.schedule is not None
+            flux_linkage = loop.output + zero - drift * elapsed_fraction(loop)
+            converted.append(replace(loop, output=self.force(flux_linkage, loop.schedule)))
         return replace(loops, loops=tuple(converted), output=QUANTITIES["force"])
+
+
+def elapsed_fraction(loop: Loop) -> FloatArray:
+    """Return the time of each sample as a fraction of the record."""
+    if loop.time is None:
+        return np.linspace(0.0, 1.0, loop.n)
+    return np.asarray((loop.time - loop.time[0]) / (loop.time[-1] - loop.time[0]))

@@ -408,9 +408,17 @@ def section_names(
         ("flux",): {
             name: (name, column(name, unit))
             for name, unit in (
-                ("pole", "Wb_m/A"), ("fringe", "Wb/A"), ("gap_zero", "m"), ("leakage", "Wb/A"),
-                ("leakage_slope", "Wb/A_m"), ("leakage_gap", "m"), ("armature_knots", "Wb"),
-                ("armature_weights", "A/Wb2"), ("largest_flux", "Wb"),
+                ("pole", "Wb_m/A"),
+                ("fringe", "Wb/A"),
+                ("gap_zero", "m"),
+                ("leakage", "Wb/A"),
+                ("leakage_slope", "Wb/A_m"),
+                ("leakage_gap", "m"),
+                ("armature_knots", "Wb"),
+                ("armature_weights", "A/Wb2"),
+                ("largest_flux", "Wb"),
+                ("zeros", "Wb"),
+                ("drifts", "Wb"),
             )
         },
         ("valid",): ranges,
