@@ -59,13 +59,14 @@ def section_flux(subject: ModelSubject) -> Section | None:
                 "Measured flux linkage without drift (points) and that of the model (line).",
             )
         )
-    blocks.append(
-        subject.picture(
-            _figure_force(model, flux),
-            "Force over current at each gap of the model, with a band for the uncertainty of the force.",
-            "Force in steady-state loops at each gap of the model. The band is the worst uncertainty.",
+    if model.fit is not None:
+        blocks.append(
+            subject.picture(
+                _figure_force(model, flux),
+                "Force over current at each measured gap, with a band for the uncertainty of the force.",
+                "Force in steady-state loops at each measured gap. The band is the worst uncertainty.",
+            )
         )
-    )
     return Section("flux", "Force from flux linkage", tuple(blocks))
 
 
@@ -88,15 +89,17 @@ def _flux_loops(measurements: Measurements, flux: FluxMap) -> tuple[Loops, list[
 
 @use_report_style
 def _figure_force(model: Model, flux: FluxMap) -> Figure:
-    """Draw the steady-state force over the current at each node, with its worst uncertainty."""
+    """Draw the steady-state force over the current at each measured gap, with its worst uncertainty."""
     figure = new_figure(3.6)
     axes = figure.subplots()
     assert model.schedule is not None
+    assert model.fit is not None
     input_scale = quantity_scale(model.input, model.valid_range.input)
     output_scale = quantity_scale(model.output, model.valid_range.output)
-    gap_scale = quantity_scale(model.schedule, model.nodes)
-    margin = (flux.worst_uncertainty or 0.0) * (model.fit.largest_output if model.fit else 0.0)
-    for gap, colour in schedule_colours(model.nodes).items():
+    gaps = sorted({loop.schedule for loop in model.fit.loops if loop.schedule is not None})
+    gap_scale = quantity_scale(model.schedule, gaps)
+    margin = (flux.worst_uncertainty or 0.0) * model.fit.largest_output
+    for gap, colour in schedule_colours(gaps).items():
         current, force = model.settled_loop(gap, _CURVE_SAMPLES)
         x, rising = input_scale.factor * current[:_CURVE_SAMPLES], force[:_CURVE_SAMPLES]
         band = output_scale.factor * (rising - margin), output_scale.factor * (rising + margin)
