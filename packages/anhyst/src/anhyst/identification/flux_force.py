@@ -50,6 +50,9 @@ _AREA_SIGMA = 0.05
 
 _NEGLIGIBLE_DRIFT = 5e-4
 
+_LARGE_DEVIATION = 3e-3
+"""Rms deviation of the fit, relative to the largest flux linkage, above which a warning is given."""
+
 _REPEATED_FITS = 12
 _LEVELS = 12
 _MEAN_FACTOR = 2.5
@@ -284,5 +287,10 @@ def _warnings(fit: CircuitFit) -> tuple[str, ...]:
             "the flux linkage starts at zero although the iron was not demagnetised: its remanence was "
             "estimated, and small forces are uncertain; demagnetise the iron before the record, or drive "
             "the current in both directions"
+        )
+    if fit.flux_rms > _LARGE_DEVIATION:
+        warnings.append(
+            f"the magnetic circuit follows the flux linkage only within {100.0 * fit.flux_rms:.2g} % rms of its "
+            "largest value, as if several parts of the magnet saturated; calibrate the force with a reading"
         )
     return tuple(warnings)

@@ -203,14 +203,14 @@ def _derive_wanted_force(
     loops: Loops, output: OutputName, calibration: ForceCalibration | None, seed: int
 ) -> tuple[DerivedForce | None, tuple[str, ...]]:
     """Return the force of loops of flux linkage if it is wanted, and warnings."""
-    reason = find_no_force_reason(loops)
+    is_flux = (loops.input.name, loops.output.name) == ("current", "flux_linkage")
     is_required = output == "force" or calibration is not None
-    if output == "flux_linkage" or (loops.output.name == "force" and not is_required):
+    if output == "flux_linkage" or (loops.output.name == "force" and calibration is None):
         return None, ()
+    reason = find_no_force_reason(loops)
     if reason and is_required:
         raise InputError(reason, code="force-not-derived", key="output")
     if reason:
-        is_flux = loops.output.name == "flux_linkage" and loops.input.name == "current"
         return None, (f"no force: {reason}",) if is_flux else ()
     derived = derive_force(loops, calibration or ForceCalibration(), seed)
     return derived, derived.warnings
