@@ -57,7 +57,8 @@ _REPEATED_FITS = 12
 _LEVELS = 12
 _MEAN_FACTOR = 2.5
 _WORST_FACTOR = 1.5
-"""Ratio of the stated uncertainty to the scatter of repeated fits. With these factors, the stated
+_DEVIATION_FACTOR = 1.4
+"""Ratios of the stated uncertainty to the scatter of repeated fits and to the deviations of the model. With these factors, the stated
 uncertainty covers about nine of ten virtual magnets of several families."""
 
 
@@ -258,7 +259,8 @@ def state_uncertainty(flux: FluxMap, fit: FitFigures) -> FluxMap:
     """Return a flux map whose uncertainty includes the deviations of the model from the loops."""
     assert flux.mean_uncertainty is not None
     assert flux.worst_uncertainty is not None
-    mean = math.hypot(_MEAN_FACTOR * flux.mean_uncertainty, fit.mean_abs / fit.largest_output)
+    mean_deviation = _DEVIATION_FACTOR * fit.mean_abs / fit.largest_output
+    mean = math.hypot(_MEAN_FACTOR * flux.mean_uncertainty, mean_deviation)
     worst = _WORST_FACTOR * math.hypot(flux.worst_uncertainty, fit.worst / fit.largest_output)
     return replace(flux, mean_uncertainty=mean, worst_uncertainty=worst)
 
