@@ -23,6 +23,11 @@ from anhyst.data.recurrence import compare_states
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
+UNKNOWN_ZERO_NOTE = (
+    "the flux linkage counts from the first sample, and the remanent flux there is unknown; begin with a "
+    "demagnetising (decaying alternating) current, or record both signs of the current"
+)
+"""Note for records whose zero of the flux linkage is neither measured nor given by symmetry."""
 _MAX_UNCERTAINTY = 2.5e-3
 """Largest accepted standard uncertainty, as a fraction of the largest flux linkage."""
 _CLOSING_ERROR = 5e-4
@@ -45,6 +50,8 @@ _HALF_RATE_RATIO = 3.0
 """Ratio of the error of an integral over every second sample to the error of the integral."""
 _PASSES = 3
 """Number of solutions; each updates the weights, which depend on the largest flux linkage."""
+_SMALLEST_FLUX = 1e-30
+"""Smallest flux linkage, Wb, so that a voltage without an inductive part has an uncertainty."""
 _REST_BLOCKS = 1000
 """Number of blocks of a record whose mean inputs show rests."""
 _MIN_REST_BLOCKS = 6
@@ -77,7 +84,8 @@ class _Record:
         clock = _even_clock(loop.time)
         basis = [clock]
         if has_resistance:
-            power, cooling = loop.input**2, np.exp(_COOLING_CONSTANTS * clock / clock[-1])
+            power = (loop.input / np.max(np.abs(loop.input))) ** 2
+            cooling = np.exp(_COOLING_CONSTANTS * clock / clock[-1])
             heats = (_integrate(clock, power), _integrate(clock, power * cooling) / cooling)
             factors = (np.ones(loop.n), *(heat / heat.max() for heat in heats))
             basis = [*(_integrate(clock, factor * loop.input) for factor in factors), clock]
@@ -86,7 +94,7 @@ class _Record:
     @property
     def has_resistance(self) -> bool:
         """Whether the current flows in the coil whose voltage is measured."""
-        return self.basis.shape[0] > 1
+        return len(self.basis) > 1
 
     def prior_sigmas(self, resistance: float) -> FloatArray:
         """Return the standard deviations of the parameters before the record, Ohm and V."""
@@ -127,29 +135,44 @@ class _Fit:
         moments = deviations @ deviations.T / self.record.clock.size
         covariance = np.linalg.inv(self.information[np.ix_(unknown, unknown)])
         variance = float(np.trace(covariance @ moments)) + self.sampling_error**2
-        return variance**0.5 / _largest_flux(self.record.loop.input, self.flux)
+        return float(np.sqrt(variance)) / _largest_flux(self.record.loop.input, self.flux)
 
 
-def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
+def integrate_voltage(loop: Loop, name: str, *, has_resistance: bool) -> tuple[Loop, str]:
     """Return a loop of the flux linkage from a loop of the voltage, and a note with the estimates.
 
-    Without a resistance, the voltage is that of a sense coil, referred to the turns of the coil.
+    ``name`` names the loop in texts. Without a resistance, the voltage is that of a sense coil,
+    referred to the turns of the coil.
 
     Raises
     ------
     InputError
         If the flux linkage would not be accurate, with the reason and the remedy.
     """
+    if np.ptp(loop.output) == 0.0:
+        raise InputError(
+            f"{name}: the voltage is constant ({loop.output[0]:g} V); correct the channel, or leave it out",
+            code="voltage-inaccurate",
+            key=loop.label,
+        )
     for hole in find_holes(loop.time):
         raise InputError(
-            f"loop '{loop.label}': {hole}, but the flux linkage is the integral of every sample of the "
+            f"{name}: {hole}, but the flux linkage is the integral of every sample of the "
             "voltage; record without a pause, or give each part its own label",
             code="voltage-hole",
             key="t",
         )
-    fit = _fit_record(_Record.of(loop, has_resistance=has_resistance))
-    _refuse_inaccurate(fit)
-    return _set_zero(replace(loop, output=fit.flux)), _describe_fit(fit)
+    try:
+        fit = _fit_record(_Record.of(loop, has_resistance=has_resistance))
+        _refuse_inaccurate(fit)
+    except InputError as error:
+        raise error.with_location(name) from None
+    return _set_zero(replace(loop, output=fit.flux)), f"{name}: {_describe_fit(fit)}"
+
+
+def has_known_zero(loop: Loop) -> bool:
+    """Whether the zero of an integrated flux linkage is known: by the history, or by symmetry."""
+    return loop.history.kind == "demagnetised" or estimate_offsets(loop) is not None
 
 
 def _fit_record(record: _Record) -> _Fit:
@@ -185,13 +208,16 @@ def _fit_record(record: _Record) -> _Fit:
         residual_ratio = float(residual @ residual) / max(1, count + len(rests) - values.size + 1)
     half_rate_error = _integrate(clock[::2], loop.output[::2]) - record.volts[::2]
     return _Fit(
-        record, values, rows.T @ rows / max(1.0, residual_ratio), float(np.std(half_rate_error)) / _HALF_RATE_RATIO
+        record,
+        values,
+        rows.T @ rows / max(1.0, residual_ratio),
+        float(np.std(half_rate_error)) / _HALF_RATE_RATIO,
     )
 
 
 def _refuse_single_cycle(loop: Loop) -> NoReturn:
     raise InputError(
-        f"loop '{loop.label}': no state recurs and the current never rests, so the resistance and the "
+        "no state recurs and the current never rests, so the resistance and the "
         "offset of the voltage cannot be separated from the flux linkage; record two equal cycles or "
         "more, and a rest at zero current before and after them",
         code="voltage-inaccurate",
@@ -204,7 +230,7 @@ def _refuse_inaccurate(fit: _Fit) -> None:
     loop, uncertainty = fit.record.loop, fit.flux_uncertainty()
     if fit.record.has_resistance and fit.values[0] + 4.0 * fit.sigmas[0] < 0.0:
         raise InputError(
-            f"loop '{loop.label}': the resistance of the coil would be {fit.values[0]:.4g} Ohm; current and "
+            f"the resistance of the coil would be {fit.values[0]:.4g} Ohm; current and "
             "voltage have opposite signs: --flip u_V",
             code="voltage-sign",
             key="u_V",
@@ -231,8 +257,8 @@ def _refuse_inaccurate(fit: _Fit) -> None:
             "with a rest at zero current before and after them"
         )
     raise InputError(
-        f"loop '{loop.label}': the voltage gives the flux linkage only to {uncertainty:.2%} of its largest "
-        f"value ({_MAX_UNCERTAINTY:.1%} is required): {cause}",
+        f"the voltage gives the flux linkage only to {uncertainty:.2%} of its largest "
+        f"value ({_MAX_UNCERTAINTY:.2%} is required): {cause}",
         code="voltage-inaccurate",
         key=loop.label,
     )
@@ -250,8 +276,8 @@ def _describe_fit(fit: _Fit) -> str:
         ]
     drift = abs(values[-1]) * fit.record.clock[-1] / _largest_flux(fit.record.loop.input, fit.flux)
     return (
-        f"flux linkage of loop '{fit.record.loop.label}' integrated from the voltage: {', '.join(texts)} "
-        f"(a drift of {drift:.2g} times the largest flux linkage), uncertainty {fit.flux_uncertainty():.2%}"
+        f"flux linkage integrated from the voltage: {', '.join(texts)} (a drift of {drift:.2g} times "
+        f"the largest flux linkage), uncertainty {fit.flux_uncertainty():.2%}"
     )
 
 
@@ -302,7 +328,7 @@ def _find_rests(drive: FloatArray) -> list[slice]:
 
 def _largest_flux(drive: FloatArray, flux: FloatArray) -> float:
     """Return the largest flux linkage: the range, or half of it if the drive has both signs."""
-    return float(np.ptp(flux)) * (0.5 if is_bipolar(drive) else 1.0)
+    return max(float(np.ptp(flux)), _SMALLEST_FLUX) * (0.5 if is_bipolar(drive) else 1.0)
 
 
 def _even_clock(time: FloatArray) -> FloatArray:
@@ -318,4 +344,4 @@ def _even_clock(time: FloatArray) -> FloatArray:
 def _integrate(clock: FloatArray, values: FloatArray) -> FloatArray:
     """Return the integral from the first sample to each sample."""
     areas = 0.5 * (values[1:] + values[:-1]) * np.diff(clock)
-    return np.concatenate([[0.0], np.cumsum(areas)])
+    return np.append(0.0, np.cumsum(areas))
