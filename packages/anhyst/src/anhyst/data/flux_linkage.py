@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from operator import itemgetter
-from typing import NoReturn
 
 import numpy as np
 
@@ -138,11 +137,10 @@ class _Fit:
         return float(np.sqrt(variance)) / _largest_flux(self.record.loop.input, self.flux)
 
 
-def integrate_voltage(loop: Loop, name: str, *, has_resistance: bool) -> tuple[Loop, str]:
+def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
     """Return a loop of the flux linkage from a loop of the voltage, and a note with the estimates.
 
-    ``name`` names the loop in texts. Without a resistance, the voltage is that of a sense coil,
-    referred to the turns of the coil.
+    Without a resistance, the voltage is that of a sense coil, referred to the turns of the coil.
 
     Raises
     ------
@@ -151,23 +149,18 @@ def integrate_voltage(loop: Loop, name: str, *, has_resistance: bool) -> tuple[L
     """
     if np.ptp(loop.output) == 0.0:
         raise InputError(
-            f"{name}: the voltage is constant ({loop.output[0]:g} V); correct the channel, or leave it out",
+            f"the voltage is constant ({loop.output[0]:g} V); correct the channel, or leave it out",
             code="voltage-inaccurate",
-            key=loop.label,
         )
     for hole in find_holes(loop.time):
         raise InputError(
-            f"{name}: {hole}, but the flux linkage is the integral of every sample of the "
-            "voltage; record without a pause, or give each part its own label",
+            f"{hole}, but the flux linkage is the integral of every sample of the voltage; record "
+            "without a pause, or give each part its own label",
             code="voltage-hole",
-            key="t",
         )
-    try:
-        fit = _fit_record(_Record.of(loop, has_resistance=has_resistance))
-        _refuse_inaccurate(fit)
-    except InputError as error:
-        raise error.with_location(name) from None
-    return _set_zero(replace(loop, output=fit.flux)), f"{name}: {_describe_fit(fit)}"
+    fit = _fit_record(_Record.of(loop, has_resistance=has_resistance))
+    _refuse_inaccurate(fit)
+    return _set_zero(replace(loop, output=fit.flux)), _describe_fit(fit)
 
 
 def has_known_zero(loop: Loop) -> bool:
@@ -182,8 +175,6 @@ def _fit_record(record: _Record) -> _Fit:
     differences, count = compare_states(loop.input, signals)
     rests = [signals[:, rows.stop - 1] - signals[:, rows.start] for rows in _find_rests(loop.input)]
     equations = np.concatenate([differences, np.reshape(rests, (-1, signals.shape[0]))])
-    if not count + len(rests):
-        _refuse_single_cycle(loop)
     noise, step = estimate_noise(loop.output), clock[-1] / (loop.n - 1)
     resolution = float(np.min(np.diff(np.unique(loop.output))))
     # Without noise, the converter rounds a constant voltage always to the same side.
@@ -215,19 +206,9 @@ def _fit_record(record: _Record) -> _Fit:
     )
 
 
-def _refuse_single_cycle(loop: Loop) -> NoReturn:
-    raise InputError(
-        "no state recurs and the current never rests, so the resistance and the "
-        "offset of the voltage cannot be separated from the flux linkage; record two equal cycles or "
-        "more, and a rest at zero current before and after them",
-        code="voltage-inaccurate",
-        key=loop.label,
-    )
-
-
 def _refuse_inaccurate(fit: _Fit) -> None:
     """Raise an error if the flux linkage is not accurate, with the change that would help."""
-    loop, uncertainty = fit.record.loop, fit.flux_uncertainty()
+    uncertainty = fit.flux_uncertainty()
     if fit.record.has_resistance and fit.values[0] + 4.0 * fit.sigmas[0] < 0.0:
         raise InputError(
             f"the resistance of the coil would be {fit.values[0]:.4g} Ohm; current and "
@@ -257,10 +238,9 @@ def _refuse_inaccurate(fit: _Fit) -> None:
             "with a rest at zero current before and after them"
         )
     raise InputError(
-        f"the voltage gives the flux linkage only to {uncertainty:.2%} of its largest "
-        f"value ({_MAX_UNCERTAINTY:.2%} is required): {cause}",
+        f"the flux linkage from this voltage is uncertain by {100.0 * min(uncertainty, 1.0):.2g} % of its "
+        f"largest value ({_MAX_UNCERTAINTY:.2%} is required): {cause}",
         code="voltage-inaccurate",
-        key=loop.label,
     )
 
 
@@ -274,9 +254,9 @@ def _describe_fit(fit: _Fit) -> str:
             f"warming {100.0 * (values[1] + values[2]) / values[0]:.2g} %",
             *texts,
         ]
-    drift = abs(values[-1]) * fit.record.clock[-1] / _largest_flux(fit.record.loop.input, fit.flux)
+    drift = 100.0 * abs(values[-1]) * fit.record.clock[-1] / _largest_flux(fit.record.loop.input, fit.flux)
     return (
-        f"flux linkage integrated from the voltage: {', '.join(texts)} (a drift of {drift:.2g} times "
+        f"flux linkage integrated from the voltage: {', '.join(texts)} (a drift of {drift:.2g} % of "
         f"the largest flux linkage), uncertainty {fit.flux_uncertainty():.2%}"
     )
 
@@ -335,13 +315,13 @@ def _even_clock(time: FloatArray) -> FloatArray:
     """Return the time since the first sample; a clock coarser than the sampling becomes even."""
     clock = time - time[0]
     steps = np.diff(clock)
-    even_clock = np.linspace(0.0, clock[-1], clock.size)
-    if steps.min() == 0.0 and np.max(np.abs(clock - even_clock)) <= 2.0 * steps.max():
-        return even_clock
-    return clock
+    even_clock: FloatArray = np.linspace(0.0, clock[-1], clock.size)
+    is_coarse = steps.min() == 0.0 and np.max(np.abs(clock - even_clock)) <= 2.0 * steps.max()
+    return even_clock if is_coarse else clock
 
 
 def _integrate(clock: FloatArray, values: FloatArray) -> FloatArray:
     """Return the integral from the first sample to each sample."""
-    areas = 0.5 * (values[1:] + values[:-1]) * np.diff(clock)
-    return np.append(0.0, np.cumsum(areas))
+    integral = np.zeros_like(values)
+    np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(clock), out=integral[1:])
+    return integral

@@ -417,11 +417,12 @@ def _cut_into_loops(
         stated_history: History | None = description.histories.get(loop.label, description.history)
         loop = loop if stated_history is None else replace(loop, history=stated_history)
         if is_integrated:
+            name = _name_loop(loop, quantity)
             try:
-                loop, note = integrate_voltage(loop, _name_loop(loop, quantity), has_resistance=not is_sense)
+                loop, note = integrate_voltage(loop, has_resistance=not is_sense)
             except InputError as error:
-                raise error.with_location(columns.source_name) from None
-            remarks.append(note)
+                raise error.with_location(f"{columns.source_name}: {name}") from None
+            remarks.append(f"{name}: {note}")
         loops.append(loop)
         without_history += [index] if stated_history is None and loop.history == SETTLED else []
     return SourceLoops(
