@@ -221,7 +221,7 @@ def _refuse_inaccurate(fit: _Fit) -> None:
     all_values = tuple(range(fit.values.size))
     sampling = fit.flux_uncertainty(known=all_values)
     if sampling > 0.5 * _MAX_UNCERTAINTY:
-        cause = "the samples are too far apart for the cycle; sample faster, or run slower cycles"
+        cause = "the samples are too far apart or too noisy; sample faster, through a filter of the voltage"
     elif fit.flux_uncertainty(known=all_values[-1:]) <= _MAX_UNCERTAINTY:
         cause = (
             "the offset of the voltage is not separable; record a rest at zero current, as long as a "
@@ -250,7 +250,7 @@ def _describe_fit(fit: _Fit) -> str:
     texts = [f"offset {1e3 * values[-1]:.3g} mV"]
     if fit.record.has_resistance:
         texts = [
-            f"resistance {values[0]:.5g} ± {sigmas[0]:.2g} Ohm",
+            f"resistance {values[0]:.5g} ± {sigmas[0]:.2g} Ohm at the start",
             f"warming {100.0 * (values[1] + values[2]) / values[0]:.2g} %",
             *texts,
         ]
