@@ -86,7 +86,7 @@ class _Record:
             power = (loop.input / np.max(np.abs(loop.input))) ** 2
             cooling = np.exp(_COOLING_CONSTANTS * clock / clock[-1])
             heats = (_integrate(clock, power), _integrate(clock, power * cooling) / cooling)
-            factors = (np.ones(loop.n), *(heat / heat.max() for heat in heats))
+            factors = (np.ones(loop.n), *(heat / (heat.max() or 1.0) for heat in heats))
             basis = [*(_integrate(clock, factor * loop.input) for factor in factors), clock]
         return cls(loop, clock, _integrate(clock, loop.output), np.array(basis))
 
@@ -121,7 +121,7 @@ class _Fit:
     @property
     def sigmas(self) -> FloatArray:
         """Standard deviations of the parameters."""
-        return np.sqrt(np.diag(np.linalg.inv(self.information)))
+        return np.sqrt(np.maximum(0.0, np.diag(_invert(self.information))))
 
     def flux_uncertainty(self, known: tuple[int, ...] = ()) -> float:
         """Return the uncertainty of the flux as a fraction of its largest magnitude.
@@ -132,8 +132,8 @@ class _Fit:
         deviations = self.record.basis[unknown]
         deviations = deviations - deviations.mean(axis=1, keepdims=True)
         moments = deviations @ deviations.T / self.record.clock.size
-        covariance = np.linalg.inv(self.information[np.ix_(unknown, unknown)])
-        variance = float(np.trace(covariance @ moments)) + self.sampling_error**2
+        covariance = _invert(self.information[np.ix_(unknown, unknown)])
+        variance = max(0.0, float(np.trace(covariance @ moments))) + self.sampling_error**2
         return float(np.sqrt(variance)) / _largest_flux(self.record.loop.input, self.flux)
 
 
@@ -251,7 +251,7 @@ def _describe_fit(fit: _Fit) -> str:
     if fit.record.has_resistance:
         texts = [
             f"resistance {values[0]:.5g} ± {sigmas[0]:.2g} Ohm at the start",
-            f"warming {100.0 * (values[1] + values[2]) / values[0]:.2g} %",
+            f"warming {100.0 * (values[1] + values[2]) / (values[0] or 1.0):.2g} %",
             *texts,
         ]
     drift = 100.0 * abs(values[-1]) * fit.record.clock[-1] / _largest_flux(fit.record.loop.input, fit.flux)
@@ -318,6 +318,12 @@ def _even_clock(time: FloatArray) -> FloatArray:
     even_clock: FloatArray = np.linspace(0.0, clock[-1], clock.size)
     is_coarse = steps.min() == 0.0 and np.max(np.abs(clock - even_clock)) <= 2.0 * steps.max()
     return even_clock if is_coarse else clock
+
+
+def _invert(information: FloatArray) -> FloatArray:
+    """Return the covariance of parameters of very different sizes."""
+    scale = np.sqrt(np.diag(information))
+    return np.asarray(np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale))
 
 
 def _integrate(clock: FloatArray, values: FloatArray) -> FloatArray:
