@@ -32,7 +32,7 @@ _MAX_UNCERTAINTY = 2.5e-3
 _CLOSING_ERROR = 5e-4
 """Assumed difference of equal states, as a fraction of the flux linkage: iron closes no better."""
 _REST_ERROR = 1e-4
-"""Assumed change of the flux linkage during a rest, as such a fraction (after-effect)."""
+"""Assumed change of the flux linkage during a rest without noise, as such a fraction."""
 _RESISTANCE_SHARE = 10.0
 """Standard deviation of the resistance before the record, relative to the largest voltage over
 the largest current."""
@@ -180,6 +180,7 @@ def _fit_record(record: _Record) -> _Fit:
     # Without noise, the converter rounds a constant voltage always to the same side.
     rounding = resolution / 12.0**0.5 if noise < 0.5 * resolution else 0.0
     rest_times = equations[len(differences) :, -1]
+    rest_errors = _rest_error(loop.input, rest_times / step)
     period = clock[-1] / (1 + count / 2)
     values, residual_ratio, rows = np.zeros(len(record.basis)), 1.0, np.eye(len(record.basis))
     for _ in range(_PASSES):
@@ -187,7 +188,7 @@ def _fit_record(record: _Record) -> _Fit:
         largest = _largest_flux(loop.input, record.volts - values @ record.basis)
         closing_sigma = float(np.hypot(_CLOSING_ERROR * largest, noise * (period * step) ** 0.5))
         rest_sigmas = np.sqrt(
-            noise**2 * step * rest_times + (rounding * rest_times) ** 2 + (_REST_ERROR * largest) ** 2
+            noise**2 * step * rest_times + (rounding * rest_times) ** 2 + (rest_errors * largest) ** 2
         )
         weights = 1.0 / np.concatenate([np.full(len(differences), closing_sigma), rest_sigmas])
         weighted = equations * weights[:, None]
@@ -300,10 +301,21 @@ def _find_rests(drive: FloatArray) -> list[slice]:
     rests = []
     for run in find_runs(np.abs(np.diff(means)) <= max_step):
         start = run.start + 1 + int(_SETTLING_SHARE * (run.stop - run.start))
-        is_constant = float(np.ptp(means[start : run.stop])) <= 2.0 * max_step if start < run.stop else False
-        if run.stop - run.start >= _MIN_REST_BLOCKS and is_constant:
-            rests.append(slice(start * size, run.stop * size))
+        rows = slice(start * size, run.stop * size)
+        if run.stop - run.start < _MIN_REST_BLOCKS:
+            continue
+        change = float(np.ptp([part.mean() for part in np.array_split(drive[rows], 3)]))
+        if change <= _rest_error(drive, rows.stop - rows.start) * float(np.ptp(drive)):
+            rests.append(rows)
     return rests
+
+
+def _rest_error(drive: FloatArray, count: float | FloatArray) -> float | FloatArray:
+    """Return the change of the input during a rest that noise can hide, relative to its range.
+
+    The tip of a sine looks like a rest in noise. The flux linkage changes as much as the input.
+    """
+    return _REST_ERROR + 5.0 * estimate_noise(drive) / (float(np.ptp(drive)) * np.sqrt(count))
 
 
 def _largest_flux(drive: FloatArray, flux: FloatArray) -> float:
