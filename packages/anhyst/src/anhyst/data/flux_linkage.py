@@ -27,7 +27,7 @@ UNKNOWN_ZERO_NOTE = (
     "demagnetising (decaying alternating) current, or record both signs of the current"
 )
 """Note for records whose zero of the flux linkage is neither measured nor given by symmetry."""
-_MAX_UNCERTAINTY = 2.5e-3
+_MAX_UNCERTAINTY = 2e-3
 """Largest accepted standard uncertainty, as a fraction of the largest flux linkage."""
 _CLOSING_ERROR = 5e-4
 """Assumed difference of equal states, as a fraction of the flux linkage: iron closes no better."""
