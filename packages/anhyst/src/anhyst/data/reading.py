@@ -23,6 +23,7 @@ from anhyst.data.file_names import (
     find_gaps_in_names,
     refuse_contradicting_gap,
 )
+from anhyst.data.flux_linkage import UNKNOWN_ZERO_NOTE, has_known_zero, integrate_voltage
 from anhyst.data.formats import OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
@@ -31,8 +32,8 @@ from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_f
 from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
 from anhyst.data.loop_consistency import refuse_different_loops
 from anhyst.data.loops import Loop, Loops, Source, are_even
-from anhyst.data.output_map import measured_quantity
-from anhyst.data.path import History, HistoryLike, find_time_reversal
+from anhyst.data.output_map import COIL_VOLTAGES, OUTPUT_MAPS, measured_quantity
+from anhyst.data.path import SETTLED, History, HistoryLike, find_time_reversal
 from anhyst.data.plateaus import find_plateaus, has_loop
 from anhyst.data.roles import (
     MIN_LOOP_SAMPLES,
@@ -43,6 +44,7 @@ from anhyst.data.roles import (
     find_column,
     find_label,
     find_roles,
+    turns_ratio,
 )
 from anhyst.data.sidecar import FileDescription
 from anhyst.data.table import LOOP_SOURCES_TEXT, check_source, find_clocks, frame_to_table, is_data_frame
@@ -58,6 +60,7 @@ Rows = NDArray[np.intp]
 
 _UNKNOWN_QUANTITY = Quantity("value", "value", "1")
 _GAP_DEPENDENT_OUTPUTS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
+_GAP_DEPENDENT_COLUMNS = _GAP_DEPENDENT_OUTPUTS | {*COIL_VOLTAGES}
 _MIN_MEAN_RUN_SAMPLES = 6
 """Minimum mean length of runs of equal scheduling values that are separate loops, in samples."""
 _MAX_LOOPS = 2000
@@ -192,7 +195,9 @@ def _find_name_gaps(descriptions: Mapping[Path, FileDescription]) -> dict[Path, 
             return {}
         headers = map_headers(open_table(path), description.columns, description.scale, description.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
-        if "gap" in names or "field" in names or names.isdisjoint(_GAP_DEPENDENT_OUTPUTS):
+        is_coil = "current" in names and names.isdisjoint(OUTPUT_MAPS)
+        is_dependent = is_coil or not names.isdisjoint(_GAP_DEPENDENT_OUTPUTS)
+        if "gap" in names or "field" in names or not is_dependent:
             return {}
     return gaps
 
@@ -300,7 +305,7 @@ def _can_use_stated_gap(headers: Sequence[Header], roles: Roles, description: Fi
         roles.schedule_quantity is None
         and description.schedule in (None, "gap")
         and output is not None
-        and output.name in _GAP_DEPENDENT_OUTPUTS
+        and output.name in _GAP_DEPENDENT_COLUMNS
         and drive != QUANTITIES["field"]
     )
 
@@ -335,7 +340,7 @@ def _ask_about_hidden_gap(used_rows: UsedRows, roles: Roles, text_columns: Seque
     output, drive = used_rows.headers[roles.output].quantity, used_rows.si_values(roles.input)
     if roles.schedule_quantity is not None or roles.is_schedule_requested or roles.label is not None:
         return
-    if output is None or output.name not in _GAP_DEPENDENT_OUTPUTS:
+    if output is None or output.name not in _GAP_DEPENDENT_COLUMNS:
         return
     for index in roles.unused:
         header = used_rows.headers[index]
@@ -390,6 +395,10 @@ def _cut_into_loops(
     drive, output = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
     assert output is not None
+    is_integrated, is_sense = output.name in COIL_VOLTAGES, output.name == "sense_voltage"
+    if is_sense:
+        ratio = turns_ratio(columns.source_name, description.constants)
+        columns = replace(columns, output=ratio * columns.output)
     output = measured_quantity(drive, output)
     quantity, remarks = roles.schedule_quantity, [*roles.notes(headers), *notes]
     blocks = _group_rows(columns)
@@ -409,8 +418,16 @@ def _cut_into_loops(
             count = label_counts[loop.label, loop.schedule_value]
             loop = replace(loop, label=f"{loop.label}-{count}")  # the gap was measured before
         stated_history: History | None = description.histories.get(loop.label, description.history)
-        loops.append(loop if stated_history is None else replace(loop, history=stated_history))
-        without_history += [index] if stated_history is None else []
+        loop = loop if stated_history is None else replace(loop, history=stated_history)
+        if is_integrated:
+            name = _name_loop(loop, quantity)
+            try:
+                loop, note = integrate_voltage(loop, has_resistance=not is_sense)
+            except InputError as error:
+                raise error.with_location(f"{columns.source_name}: {name}") from None
+            remarks.append(f"{name}: {note}")
+        loops.append(loop)
+        without_history += [index] if stated_history is None and loop.history == SETTLED else []
     return SourceLoops(
         columns.source_name,
         tuple(loops),
@@ -421,7 +438,14 @@ def _cut_into_loops(
         tuple(f"{columns.source_name}: {text}" for text in remarks),
         frozenset(without_history),
         is_labelled=roles.label is not None or roles.constant_label is not None,
+        is_integrated=is_integrated,
     )
+
+
+def _name_loop(loop: Loop, schedule: Quantity | None) -> str:
+    """Return the name of a loop in a note: its label and its scheduling value."""
+    value = loop.schedule_value
+    return f"loop '{loop.label}'" + (f" at {schedule.show(value)}" if schedule and value is not None else "")
 
 
 def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
@@ -445,15 +469,14 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
             loop = part_loops[index]
             history, reason = next(proposals)
             part_loops[index] = replace(loop, history=history)
-            value = loop.schedule_value
-            schedule_text = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
-            notes.append(
-                f"{part.source_name}: history of loop '{loop.label}'{schedule_text} taken as {history}: {reason}"
-            )
+            name = _name_loop(loop, part.schedule)
+            notes.append(f"{part.source_name}: history of {name} taken as {history}: {reason}")
         is_gap = part.schedule is not None and part.schedule.name == "gap"
         linked_loops = add_earlier_loops(part_loops, across_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in linked_loops):
             notes.append(f"{part.source_name}: {NESTED_LOOPS_NOTE}")
+        if part.is_integrated and not all(map(has_known_zero, part_loops)):
+            notes.append(f"{part.source_name}: {UNKNOWN_ZERO_NOTE}")
         completed_loops.append(replace(part, loops=tuple(linked_loops), notes=tuple(notes)))
     return completed_loops
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.formats.channels import Texts, is_number
-from anhyst.data.output_map import OUTPUT_MAPS
+from anhyst.data.output_map import COIL_VOLTAGES, OUTPUT_MAPS
 from anhyst.data.path import reversal_count
 from anhyst.data.proposals import (
     advise_mapping,
@@ -34,6 +34,8 @@ from anhyst.support.vocabulary import named_quantities, split_words
 
 _NO_SCHEDULE = "none"
 _MOTION_OUTPUTS = frozenset({"displacement", "strain", "magnetostriction"})
+_TURNS = frozenset({"turns", "sense_turns"})
+"""Names of the constants that refer the voltage of a sense coil to the coil."""
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
 _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
@@ -87,8 +89,10 @@ def find_roles(
     ``texts`` are the columns whose first field is not a number. ``clocks`` returns the columns with
     equal steps; it is only called to make a proposal.
     """
-    drive, output = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
     time = _find_time(source, headers, texts)
+    has_times = time is not None and headers[time].unit is not None
+    voltage = _find_coil_voltage(source, headers, description) if has_times else None
+    drive, output = voltage or _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
     label = _find_label_column(source, headers, description)
     constants = description.constants
     constant_label = next((str(constants[key]) for key in constants if parse_header(key).is_label), None)
@@ -190,9 +194,56 @@ def _find_input_and_output(
         )
     raise InputError(
         f"{source}: has no column for {missing_role} ({_list_columns(headers)}); name it {examples}"
-        f"{advise_mapping(headers, *missing_quantities, skip=skip())}",
+        f"{advise_mapping(headers, *missing_quantities, skip=skip())}{_advise_coil_voltage(headers)}",
         code="column-missing",
     )
+
+
+def _find_coil_voltage(
+    source: str, headers: Sequence[Header], description: FileDescription
+) -> tuple[int, int] | None:
+    """Return the indices of the current and of the coil's voltage, whose integral is the flux.
+
+    ``None`` if a column can be another output, by its quantity, its unit or a word. A sense
+    coil is preferred, because its voltage does not depend on the resistance.
+    """
+    voltages = _find_coil_voltages(headers)
+    names = {header.quantity.name for header in headers if header.quantity is not None}
+    if not voltages or not names.isdisjoint(OUTPUT_MAPS) or "current" not in names:
+        return None
+    if not any(header.target for header in voltages) and any(map(_can_be_output, headers)):
+        return None
+    current = _find_only(source, headers, "current")
+    if current is None:
+        return None
+    sense_voltage, voltage = (_find_only(source, headers, name) for name in COIL_VOLTAGES)
+    if voltage is not None and (sense_voltage is None or not _TURNS.issubset(description.constants)):
+        return current, voltage
+    return None if sense_voltage is None else (current, sense_voltage)
+
+
+def _find_coil_voltages(headers: Sequence[Header]) -> list[Header]:
+    return [header for header in headers if header.quantity is not None
+            and header.quantity.name in COIL_VOLTAGES and header.problem is None]  # fmt: skip
+
+
+def _can_be_output(header: Header) -> bool:
+    """Whether a column that is not understood can be an output, by a word or by its unit."""
+    if not named_quantities(header.name).isdisjoint(OUTPUT_MAPS):
+        return True
+    dimension = header.unit.dimension if header.unit is not None else ""
+    return not header.is_known and dimension in {"voltage", *OUTPUT_MAPS}
+
+
+def _advise_coil_voltage(headers: Sequence[Header]) -> str:
+    """Return the remedy that would integrate a voltage; empty without a voltage."""
+    voltages = _find_coil_voltages(headers)
+    if not voltages or not any(header.quantity == QUANTITIES["current"] for header in headers):
+        return ""
+    if not any(header.is_clock and header.unit for header in headers):
+        return f"; if '{voltages[0].text}' is the voltage of the coil, add the times in a column 't_s'"
+    mapping = current_mapping(headers) | {voltages[0].text: "u_V"}
+    return f"; if '{voltages[0].text}' is the voltage of the coil: {format_option('columns', mapping)}"
 
 
 def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_index: int) -> None:
@@ -293,6 +344,20 @@ def _constants_in_si(source: str, constants: Mapping[str, float | str]) -> dict[
             number = header.unit.value_to_si(number)
         values[header.quantity.name] = (header.quantity, number)
     return values
+
+
+def turns_ratio(source: str, constants: Mapping[str, float | str]) -> float:
+    """Return the turns of the coil over the turns of its sense coil, from the constants."""
+    values = _constants_in_si(source, {name: constants.get(name, 0.0) for name in _TURNS})
+    turns, sense_turns = (values[name][1] for name in ("turns", "sense_turns"))
+    if turns <= 0.0 or sense_turns <= 0.0:
+        raise InputError(
+            f"{source}: the turns of the coil or of the sense coil are missing, or not above 0; state both: "
+            '--constants "turns=260,sense_turns=20"',
+            code="turns-missing",
+            key="turns",
+        )
+    return turns / sense_turns
 
 
 def _find_schedule(
