@@ -45,6 +45,7 @@ from anhyst.data.roles import (
     find_roles,
 )
 from anhyst.data.sidecar import FileDescription
+from anhyst.data.simulated_tables import read_simulated_table
 from anhyst.data.table import LOOP_SOURCES_TEXT, check_source, find_clocks, frame_to_table, is_data_frame
 from anhyst.data.used_rows import UsedRows
 from anhyst.data.wide_tables import refuse_wide_table
@@ -203,6 +204,8 @@ def _read_table(
     """Read a table; ``name`` labels its loop if the table has no label."""
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
+    if (simulated := read_simulated_table(table, headers, description, name)) is not None:
+        return simulated
     refuse_wide_table(source_name, headers)
     _refuse_one_channel(source_name, headers)
     first_rows = table.first_rows(MIN_LOOP_SAMPLES)

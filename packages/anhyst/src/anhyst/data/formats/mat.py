@@ -23,7 +23,14 @@ from anhyst.data.formats.channels import (
     assign_clocks_by_name,
     require_package,
 )
-from anhyst.data.formats.mat_layouts import ArrayInMemory, MatTree, find_channels, read_arrays, read_tree
+from anhyst.data.formats.mat_layouts import (
+    ArrayInMemory,
+    MatTree,
+    find_channels,
+    has_motor_map,
+    read_arrays,
+    read_tree,
+)
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
@@ -189,6 +196,12 @@ def open_mat(path: Path) -> ChannelFile:
         raise InputError(
             f"{path}: is not a MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
             code="not-a-mat-file",
+        )
+    if has_motor_map(tree):
+        raise InputError(
+            f"{path}: is a map of a motor with two axes (Id, Iq, Fd, Fq), but a magnet has one current; save "
+            "its current, gap and flux linkage as I_A, gap_mm and psi_Wb",
+            code="two-axes",
         )
     channels = assign_clocks_by_name(find_channels(tree))
     unread_names = [f"'{name}' is a {kind} object" for name, kind in objects]
