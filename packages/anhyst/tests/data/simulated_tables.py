@@ -34,10 +34,14 @@ class DrawnMagnet:
     def current(self, flux: FloatArray, gap: float) -> FloatArray:
         """Return the current of a flux in the iron, A."""
         share = np.abs(flux) / (self.area * self.saturation)
-        field_strength = self.saturation / (MU_0 * self.permeability) * share * (1.0 + 3.0 * share ** (2.0 * self.knee))
+        field_strength = (
+            self.saturation / (MU_0 * self.permeability) * share * (1.0 + 3.0 * share ** (2.0 * self.knee))
+        )
         beyond = np.maximum(share - 1.0, 0.0)
         field_strength += self.saturation * beyond / (2.0 * MU_0) * (1.0 - np.exp(-((beyond / 0.05) ** 2)))
-        return np.sign(flux) * (field_strength * self.length + np.abs(flux) / self._permeance(gap)) / self.turns
+        return (
+            np.sign(flux) * (field_strength * self.length + np.abs(flux) / self._permeance(gap)) / self.turns
+        )
 
     def _permeance(self, gap: float) -> float:
         return MU_0 * self.area / (2.0 * gap) * (1.0 + self.fringing * gap) + self.leakage
@@ -114,7 +118,8 @@ def draw_table(seed: int) -> Table:
     table.is_stroke = bool(rng.random() < 0.4)
     if rng.random() < 0.5:
         table.missing = {
-            (int(rng.integers(magnet.gaps.size)), int(rng.integers(1, magnet.currents.size))) for _ in range(3)
+            (int(rng.integers(magnet.gaps.size)), int(rng.integers(1, magnet.currents.size)))
+            for _ in range(3)
         }
     return table
 
@@ -170,7 +175,9 @@ def write_comsol_spreadsheet(table: Table, path: Path) -> Path:
     """Write COMSOL's form with one column for each position."""
     unit, position = table.length_unit[0], _position_name(table)
     header = [f"I0 ({table.current_unit[0]})"]
-    header += [f"Coil concatenated flux (Wb) @ {position}={value!r} {unit}" for value in table.positions.tolist()]
+    header += [
+        f"Coil concatenated flux (Wb) @ {position}={value!r} {unit}" for value in table.positions.tolist()
+    ]
     lines = ["% Model:,magnet.mph", "% Version:,COMSOL 6.1.0.357", "% " + ",".join(header)]
     lines += _matrix_rows(table, table.psi, ",")
     target = path / "spreadsheet.csv"
@@ -184,7 +191,11 @@ def write_jmag(table: Table, path: Path) -> Path:
     lines = ["Title,Flux linkage and force", "Study,magnet_static", f"Number of cases,{table.gaps.size}", ""]
     order = table.rng.permutation(table.gaps.size)
     for number, g in enumerate(order, start=1):
-        lines += [f"Case {number}: {position} = {table.positions[g]!r} {unit}".replace("np.float64(", "").replace(")", "")]
+        lines += [
+            f"Case {number}: {position} = {table.positions[g]!r} {unit}".replace("np.float64(", "").replace(
+                ")", ""
+            )
+        ]
         lines += [f"Current({table.current_unit[0]}),Flux linkage(Wb),Force(N)"]
         for n, value in enumerate(table.file_currents.tolist()):
             if (g, n) not in table.missing:
@@ -198,7 +209,12 @@ def write_jmag(table: Table, path: Path) -> Path:
 def write_elmer(table: Table, path: Path) -> Path:
     """Write the numbers of `SaveScalars`, and the names of its columns to a second file."""
     table.length_unit, table.current_unit = ("m", 1.0), ("A", 1.0)
-    names = ["air gap" if not table.is_stroke else "stroke", "coil current", "flux linkage", "magnetic force 2"]
+    names = [
+        "air gap" if not table.is_stroke else "stroke",
+        "coil current",
+        "flux linkage",
+        "magnetic force 2",
+    ]
     text = ["Metadata for SaveScalars file: scalars.dat", "Elmer version: 9.0", ""]
     text += ["Variables in columns of matrix: scalars.dat"]
     text += [f"{n:4d}: res: {name}" for n, name in enumerate(names, start=1)]
@@ -219,7 +235,12 @@ def write_mat(table: Table, path: Path) -> Path:
     for point in table.missing:
         psi[point] = np.nan
     name = "x" if table.is_stroke else "gap"
-    fields = {f"I_{table.current_unit[0]}": current, f"{name}_{unit}": position, "psi_Wb": psi, "F_N": table.force}
+    fields = {
+        f"I_{table.current_unit[0]}": current,
+        f"{name}_{unit}": position,
+        "psi_Wb": psi,
+        "F_N": table.force,
+    }
     target = path / "map.mat"
     savemat(target, {"FluxMap": fields})
     return target
@@ -252,13 +273,23 @@ def write_matrix(table: Table, path: Path) -> Path:
     elif kind == 1:
         lines = ["psi_Wb", sign.join([f"{current}\\{name}_{unit}", *map(repr, positions)])]
     elif kind == 2:
-        lines = ["# Flux linkage (Wb)", sign.join([current, *(f"{name}={value!r} {unit}" for value in positions)])]
+        lines = [
+            "# Flux linkage (Wb)",
+            sign.join([current, *(f"{name}={value!r} {unit}" for value in positions)]),
+        ]
     else:
-        rows = [[repr(float(x)), *map(repr, psi)] for x, psi in zip(table.positions, table.psi.tolist(), strict=True)]
+        rows = [
+            [repr(float(x)), *map(repr, psi)]
+            for x, psi in zip(table.positions, table.psi.tolist(), strict=True)
+        ]
         for g, n in table.missing:
             rows[g][1 + n] = "NaN"
         corner = f"{name} ({unit}) | I ({table.current_unit[0]})"
-        lines = ["psi_Wb", sign.join([corner, *map(repr, table.file_currents.tolist())]), *map(sign.join, rows)]
+        lines = [
+            "psi_Wb",
+            sign.join([corner, *map(repr, table.file_currents.tolist())]),
+            *map(sign.join, rows),
+        ]
     lines += _matrix_rows(table, table.psi, sign) if kind < 3 else []
     text = "\n".join(lines) + "\n"
     target = path / "matrix.csv"

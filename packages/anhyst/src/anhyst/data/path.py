@@ -360,7 +360,11 @@ class History:
                 key="history",
             )
         has_points = bool(self.turning_points)
-        wrong_by_kind = {"conditioned": not has_points, "demagnetised": has_points, "anhysteretic": has_points}
+        wrong_by_kind = {
+            "conditioned": not has_points,
+            "demagnetised": has_points,
+            "anhysteretic": has_points,
+        }
         if wrong_by_kind.get(self.kind, False):
             raise InputError(
                 f"history '{self.kind}' with the wrong turning points; {_HISTORY_ADVICE}",

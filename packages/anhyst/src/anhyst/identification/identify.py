@@ -60,6 +60,11 @@ SEARCHES = ("default", "paper")
 MAX_RATE_CORRECTIONS = 3
 """Maximum number of searches for the static model in slow loops without their rate effect."""
 
+NO_HYSTERESIS_TEXT = (
+    "none: the data are a table with one value for each current; to add it, measure a loop and give both "
+    "files"
+)
+
 AUTO = "auto"  # laws and gap maps are compared, and the best is selected
 
 
@@ -85,6 +90,8 @@ def identify(
     cpu_times: dict[str, float] = {}
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
+    tables = loops if loops.has_only_tables else None
+    loops = loops.with_return_branches()
     can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
     loops = spread_equal_times(loops) if can_fit_rate else loops
     speeds, delay_text = group_by_speed(loops) if can_fit_rate else None, ""
@@ -144,6 +151,7 @@ def identify(
         "gap_map_wanted": gap_map,
         "gap_map_reason": outcome.map_reason,
         "dead_band": outcome.dead_band,
+        **({"hysteresis": NO_HYSTERESIS_TEXT} if tables else {}),
         **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
         **({"sensor_delay": delay_text} if delay_text else {}),
     }
@@ -157,6 +165,7 @@ def identify(
     model = replace(outcome.model, **common_records, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common_records)  # type: ignore[arg-type]
     acceptance = model.acceptance()
+    loops = tables or loops
     fitted = tuple(map(model.predict_loop, loops.loops))
     metrics = fit_figures(
         loops, fitted, outcome.withheld_errors, acceptance.passed, outcome.expected_error, outcome.candidates
@@ -296,7 +305,7 @@ def _continue_fit(run: SearchRun, loops: Loops, outcome: Outcome) -> Outcome:
 
 def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     gaps, parameter_count = len(loops.schedule_values), outcome.parameter_count
-    warnings = [note for note in loops.notes if "columns not used" in note]
+    warnings = [note for note in loops.notes if loops.has_only_tables or "columns not used" in note]
     warnings += [outcome.map_reason] if gaps == 2 else []
     if outcome.resumed_stages:
         warnings.append(f"continued from a checkpoint: {outcome.resumed_stages} stages were already complete")

@@ -132,7 +132,9 @@ def _unfold_matrices(tree: MatTree) -> MatTree:
     matrices = {name: shape for name, shape in shapes.items() if len(shape) == 2}
     units = {name: parse_header(name).unit for name in arrays}
     dimensions = {unit.dimension: shapes[name] for name, unit in units.items() if unit is not None}
-    outputs = [name for name in matrices if (unit := units[name]) and unit.dimension in {"flux_linkage", "force"}]
+    outputs = [
+        name for name in matrices if (unit := units[name]) and unit.dimension in {"flux_linkage", "force"}
+    ]
     if not outputs or not {"current", "length"} <= set(dimensions):
         return tree
     rows, columns = matrices[outputs[0]]
@@ -141,7 +143,9 @@ def _unfold_matrices(tree: MatTree) -> MatTree:
     if is_ambiguous or any(shape not in fitting for shape in (dimensions["current"], dimensions["length"])):
         return tree
     unfolded = {
-        name: UnfoldedArray(array, (rows, columns)) for name, array in arrays.items() if shapes[name] in fitting
+        name: UnfoldedArray(array, (rows, columns))
+        for name, array in arrays.items()
+        if shapes[name] in fitting
     }
     return {**tree, **unfolded}
 

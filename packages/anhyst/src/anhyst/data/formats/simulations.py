@@ -16,13 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.data.formats.channels import (
-    MemoryTable,
-    file_sha256,
-    is_number,
-    is_number_or_mark,
-    parse_number,
-)
+from anhyst.data.formats.channels import MemoryTable, file_sha256, is_number, is_number_or_mark, parse_number
 from anhyst.data.formats.encoding import detect_encoding, is_text
 from anhyst.data.formats.preamble import drop_empty_tail, split_line
 from anhyst.support.errors import InputError
@@ -119,7 +113,8 @@ def _find_matrices(path: Path, lines: Sequence[str]) -> Iterator[_Matrix]:
             width = 1 + len(matrix.columns)
             if len(fields) > width:
                 raise InputError(
-                    f"{path}: line {number + 1}: has {len(fields)} fields in a matrix of {width} columns; correct the line",
+                    f"{path}: line {number + 1}: has {len(fields)} fields in a matrix of {width} columns; "
+                    "correct the line",
                     code="fields-missing",
                 )
             matrix.rows.append([_to_number(cell) for cell in [*fields, *[""] * (width - len(fields))]])
