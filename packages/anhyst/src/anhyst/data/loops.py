@@ -328,10 +328,13 @@ class Loops(Result):
                     code="no-reversal",
                 )
 
-    @property
-    def has_only_tables(self) -> bool:
-        """Whether all loops are single-valued data without hysteresis, such as simulated tables."""
-        return all(loop.history == ANHYSTERETIC for loop in self.loops)
+    def split_tables(self) -> tuple[Loops | None, Loops | None]:
+        """Return the single-valued loops without hysteresis, and the others; None instead of no loops."""
+        is_table = [loop.history == ANHYSTERETIC for loop in self.loops]
+        parts = [[loop for loop, flag in zip(self.loops, is_table, strict=True) if flag is kind]
+                 for kind in (True, False)]  # fmt: skip
+        tables, measured = (self.with_loops(loops) if loops else None for loops in parts)
+        return tables, measured
 
     def with_return_branches(self) -> Loops:
         """Return the set with a descending branch in each single-valued loop, equal to the ascending one.

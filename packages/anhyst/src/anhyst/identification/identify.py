@@ -39,6 +39,7 @@ from anhyst.identification.sensor_delay import (
     remove_sensor_delay,
 )
 from anhyst.identification.space import SERIES_MAPS
+from anhyst.identification.table_width import add_measured_width
 from anhyst.identification.uncertainty import (
     assess_uncertainty,
     free_unresolved_cells,
@@ -90,8 +91,8 @@ def identify(
     cpu_times: dict[str, float] = {}
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
-    tables = loops if loops.has_only_tables else None
-    loops = loops.with_return_branches()
+    tables, measured = loops.split_tables()
+    loops = tables.with_return_branches() if tables else loops
     can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
     loops = spread_equal_times(loops) if can_fit_rate else loops
     speeds, delay_text = group_by_speed(loops) if can_fit_rate else None, ""
@@ -115,7 +116,8 @@ def identify(
         run = SearchRun(
             form=make_response_form(static_loops.input, static_loops.output, law_name),
             shapes=cells,
-            needs_cells=law != AUTO or static_loops is not loops,  # their layers compile
+            # their layers compile, and they get the width of loops measured in addition to a table
+            needs_cells=law != AUTO or static_loops is not loops or bool(tables and measured),
             records=make_fit_records(static_loops, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
@@ -137,11 +139,17 @@ def identify(
         )
 
     outcome = _fit_all_speeds(loops, fit_static, speeds)
+    valid, hysteresis = valid_range(loops), NO_HYSTERESIS_TEXT if tables else ""
+    if tables:
+        loops = measured or tables
+    if tables and measured:
+        outcome, valid, hysteresis = add_measured_width(outcome, measured, valid)
     lag = describe_coil_lag(loops)
     unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
     rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""
     notes = filter(None, (lag, delay_text or unclear_delay, rate_warning))
-    warnings = [*plausibility_warnings, *notes, *_warnings(loops, outcome)]
+    table_notes = loops.notes if tables else ()
+    warnings = [*plausibility_warnings, *table_notes, *notes, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -151,7 +159,7 @@ def identify(
         "gap_map_wanted": gap_map,
         "gap_map_reason": outcome.map_reason,
         "dead_band": outcome.dead_band,
-        **({"hysteresis": NO_HYSTERESIS_TEXT} if tables else {}),
+        **({"hysteresis": hysteresis} if hysteresis else {}),
         **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
         **({"sensor_delay": delay_text} if delay_text else {}),
     }
@@ -159,13 +167,12 @@ def identify(
     common_records = {
         "name": _model_name(loops),
         "history": Counter(histories).most_common(1)[0][0],
-        "valid": valid_range(loops),
+        "valid": valid,
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
     }
     model = replace(outcome.model, **common_records, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common_records)  # type: ignore[arg-type]
     acceptance = model.acceptance()
-    loops = tables or loops
     fitted = tuple(map(model.predict_loop, loops.loops))
     metrics = fit_figures(
         loops, fitted, outcome.withheld_errors, acceptance.passed, outcome.expected_error, outcome.candidates
@@ -305,7 +312,7 @@ def _continue_fit(run: SearchRun, loops: Loops, outcome: Outcome) -> Outcome:
 
 def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     gaps, parameter_count = len(loops.schedule_values), outcome.parameter_count
-    warnings = [note for note in loops.notes if loops.has_only_tables or "columns not used" in note]
+    warnings = [note for note in loops.notes if "columns not used" in note]
     warnings += [outcome.map_reason] if gaps == 2 else []
     if outcome.resumed_stages:
         warnings.append(f"continued from a checkpoint: {outcome.resumed_stages} stages were already complete")
