@@ -44,7 +44,7 @@ class DrawnMagnet:
         )
 
     def _permeance(self, gap: float) -> float:
-        return MU_0 * self.area / (2.0 * gap) * (1.0 + self.fringing * gap) + self.leakage
+        return float(MU_0 * self.area / (2.0 * gap) * (1.0 + self.fringing * gap) + self.leakage)
 
     def flux(self, current: FloatArray, gap: float) -> FloatArray:
         """Return the flux in the iron, Wb, by bisection."""
@@ -53,7 +53,7 @@ class DrawnMagnet:
             middle = 0.5 * (low + high)
             is_low = self.current(middle, gap) < np.abs(current)
             low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
-        return np.sign(current) * 0.5 * (low + high)
+        return np.asarray(np.sign(current) * 0.5 * (low + high))
 
     def psi(self, current: FloatArray, gap: float) -> FloatArray:
         """Return the flux linkage, Wb."""

@@ -26,7 +26,7 @@ from anhyst.data.path import ANHYSTERETIC
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, parse_header
+from anhyst.support.units import QUANTITIES, Header, parse_header
 from anhyst.support.wording import count_text
 
 _OUTPUTS = ("flux_linkage", "force")
@@ -38,14 +38,14 @@ _MIN_COMMON_SHARE = 0.8
 recur exactly; the measured currents of loops do not."""
 _MAX_REPEAT_DIFFERENCE = 1e-6
 """Maximum difference of repeated points, as a fraction of the range; branches of loops differ more."""
+_MAX_CONTRADICTION_SHARE = 0.1
+"""Maximum share of repeated points that differ, above which the table contains loops."""
 _MIN_COMPONENT_SHARE = 0.01
 """Minimum size of a component of the force, as a fraction of the largest one."""
 _MAX_OPPOSITE_SHARE = 0.05
 """Maximum force of the other sign, as a fraction of the largest force, that is an error of the mesh."""
 _MIN_TREND_SHARE = 0.9
 """Minimum share of steps over the position in which the output changes in the same direction."""
-_PER_LENGTH = re.compile(r"(N|Wb|V ?s)\s*(/|per|·|\*)\s*c?m+(\^?-1)?\b", re.IGNORECASE)
-_MODEL_PART = re.compile(r"symmetr|half|quarter|halb|viertel|depth|tiefe|sector|sektor|period", re.IGNORECASE)
 _STATED_POSITION = re.compile(
     r"(?P<name>[^\W\d]\w*)\s*(?:[\[(](?P<inner>\w+)[\])])?\s*[=:]\s*(?P<number>[+-]?\d[\d.,eE+-]*)\s*"
     r"[\[(]?(?P<unit>[^\W\d]*)"
@@ -72,16 +72,16 @@ def read_simulated_table(
     If the table contains flux linkage and force, the result has the loops of the flux linkage, and
     those of the force as its alternative.
     """
-    is_stated = description.history == ANHYSTERETIC
-    has_other_history = bool(description.histories) or (description.history is not None and not is_stated)
-    if has_other_history or description.select or description.schedule not in (None, "gap"):
-        return None
-    if any(header.is_clock or header.is_label for header in headers):
-        return None
+    is_described = bool(
+        description.histories or description.select or description.schedule not in (None, "gap")
+    )
     columns = _find_columns(headers)
-    if columns["current"] and columns["length"]:
-        _refuse_per_length(table.source_name, headers)
-    if not columns["current"] or not any(columns[name] for name in _OUTPUTS):
+    if (
+        is_described
+        or description.history not in (None, ANHYSTERETIC)
+        or any(header.is_clock or header.is_label for header in headers)
+        or not columns["current"]
+    ):
         return None
     try:
         raw = table.read([index for indices in columns.values() for index in indices])
@@ -89,21 +89,14 @@ def read_simulated_table(
         return None  # the ordinary reader reports the fault
     values = {index: headers[index].to_si(column) for index, column in raw.numbers.items()}
     points = _choose_columns(headers, columns, values, raw.breaks)
-    if points is None or not (is_stated or _is_grid(points)):
+    if points is None or not (description.history or _is_grid(table.source_name, points)):
         return None
     points = _orient_force(table.source_name, points)
     points = _convert_to_gap(table.source_name, points)
-    remarks = [text for text in raw.notes if _MODEL_PART.search(text)]
-    scale_note = (
-        "the values are used as they are: no depth, symmetry factor or number of turns is applied"
-        + (f", although the file states '{remarks[0][:60]}'" if remarks else "")
-    )
-    source = Source(table.source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    parts = [
-        _make_loops(table.source_name, points, name, label, source, scale_note) for name in points.outputs
-    ]
-    found_parts = [part for part in parts if part is not None]
-    return replace(found_parts[0], alternatives=tuple(found_parts[1:])) if found_parts else None
+    source = Source(table.source_name, raw.sha256, dict(description.columns))
+    parts = [_make_loops(points, name, label, source) for name in points.outputs]
+    parts = [part for part in parts if part.loops]
+    return replace(parts[0], alternatives=tuple(parts[1:])) if parts else None
 
 
 def _dimension(header: Header) -> str:
@@ -123,18 +116,6 @@ def _find_columns(headers: Sequence[Header]) -> dict[str, list[int]]:
     return columns
 
 
-def _refuse_per_length(source: str, headers: Sequence[Header]) -> None:
-    """Raise an error for outputs per length, as plane models give them."""
-    for header in headers:
-        if header.unit is None and _PER_LENGTH.search(f"{header.text} {header.stated}"):
-            raise InputError(
-                f"{source}: column '{header.text}' is per length of a plane model; multiply it by the depth of "
-                "the model, and write N or Wb",
-                code="per-length",
-                key=header.text,
-            )
-
-
 def _choose_columns(
     headers: Sequence[Header],
     columns: Mapping[str, list[int]],
@@ -142,7 +123,8 @@ def _choose_columns(
     breaks: Breaks,
 ) -> _Points | None:
     """Return the points from the columns that vary; None if a column is missing or not clear."""
-    varying = {name: [n for n in found if _varies(values[n])] for name, found in columns.items()}
+    counts = {n: np.unique(column[np.isfinite(column)]).size for n, column in values.items()}
+    varying = {name: [n for n in found if counts[n] > 1] for name, found in columns.items()}
     sizes = {n: float(np.nanmax(np.abs(values[n]))) for n in varying["force"]}
     varying["force"] = [n for n in sizes if sizes[n] > _MIN_COMPONENT_SHARE * max(sizes.values())]
     lengths = [n for n in varying["length"] if headers[n].quantity == QUANTITIES["gap"]] or varying["length"]
@@ -156,11 +138,6 @@ def _choose_columns(
     )
     if position is None:
         return None
-    notes = [
-        f"column '{headers[n].text}' is constant at {values[n][0]:g} (SI) and is not used"
-        for n in columns["length"]
-        if n not in varying["length"] and np.isfinite(values[n][0])
-    ]
     is_valid = np.isfinite(drive) & np.isfinite(position[0])
     return _Points(
         drive[is_valid],
@@ -168,12 +145,8 @@ def _choose_columns(
         {name: values[found[0]][is_valid] for name, found in outputs.items()},
         position[1],
         {name: headers[found[0]].text for name, found in outputs.items()},
-        tuple(notes),
+        (),
     )
-
-
-def _varies(values: FloatArray) -> bool:
-    return np.unique(values[np.isfinite(values)]).size > 1
 
 
 def _positions_of_blocks(breaks: Breaks, rows: int) -> tuple[FloatArray, Header] | None:
@@ -192,29 +165,35 @@ def _positions_of_blocks(breaks: Breaks, rows: int) -> tuple[FloatArray, Header]
     return np.repeat([value for _, value in found], sizes), found[0][0]
 
 
-def _sorted_rows(points: _Points, name: str) -> NDArray[np.intp] | None:
-    """Return the rows of an output by position and current, each once; None if repeated rows differ."""
+def _sorted_rows(points: _Points, name: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the rows of an output by position and current, each once, and repeated rows that differ."""
     output = points.outputs[name]
     order = np.lexsort((points.current, points.position))
     order = order[np.isfinite(output[order])]
     is_repeat = (np.diff(points.current[order]) == 0.0) & (np.diff(points.position[order]) == 0.0)
     limit = _MAX_REPEAT_DIFFERENCE * float(np.ptp(output[order]))
-    if np.any(np.abs(np.diff(output[order]))[is_repeat] > limit):
-        return None
-    return np.asarray(order[np.concatenate(([True], ~is_repeat))])
+    differs = is_repeat & (np.abs(np.diff(output[order])) > limit)
+    return order[np.concatenate(([True], ~is_repeat))], order[1:][differs]
 
 
-def _is_grid(points: _Points) -> bool:
+def _is_grid(source: str, points: _Points) -> bool:
     """Whether each output has one value for each pair, and the same currents recur at several positions."""
     positions = np.unique(points.position).size
     for name in points.outputs:
-        rows = _sorted_rows(points, name)
-        if rows is None or positions < 2:
-            return False
+        rows, different = _sorted_rows(points, name)
         counts = Counter(points.current[rows].tolist())
         common_count = sum(count for count in counts.values() if 2 * count >= positions)
-        if common_count < _MIN_COMMON_SHARE * rows.size:
+        is_loop = different.size > _MAX_CONTRADICTION_SHARE * rows.size
+        if positions < 2 or is_loop or common_count < _MIN_COMMON_SHARE * rows.size:
             return False
+        if different.size:
+            current, position = points.current[different[0]], points.position[different[0]]
+            raise InputError(
+                f"{source}: has two values in '{points.output_names[name]}' for {current:g} A at "
+                f"{points.position_header.text} of {1e3 * position:.6g} mm; remove one of them",
+                code="two-values",
+                key=name,
+            )
     return True
 
 
@@ -242,38 +221,24 @@ def _convert_to_gap(source: str, points: _Points) -> _Points:
     """Convert the position to a gap, with a note on its direction; refuse what is not clear."""
     output_name = next(iter(points.outputs))
     name, output_text = points.position_header.text, output_name.replace("_", " ")
+    low, high = float(points.position.min()), float(points.position.max())
     rising_share = _share_of_rising_steps(points, output_name)
-    position = points.position
-    low, high = float(position.min()), float(position.max())
-    if points.position_header.quantity == QUANTITIES["gap"]:
-        if rising_share > _MIN_TREND_SHARE:
-            raise InputError(
-                f"{source}: the {output_text} grows with '{name}', so it is a stroke and not a gap; map it: "
-                f'--columns "{name}=x_mm"',
-                code="gap-is-stroke",
-                key="gap",
-            )
-        if low < 0.0:
-            raise InputError(
-                f"{source}: negative gap {low:g} m; {GAP_ADVICE}", code="negative-gap", key="gap_m"
-            )
+    opens, closes = rising_share < 1.0 - _MIN_TREND_SHARE, rising_share > _MIN_TREND_SHARE
+    is_gap = points.position_header.quantity == QUANTITIES["gap"]
+    if is_gap and not closes:
         return points
-    if rising_share > _MIN_TREND_SHARE:
-        position = high - position
+    if is_gap or not (opens or closes):
+        fault = "grows" if closes else "both grows and falls"
+        remedy = f'map a stroke: --columns "{name}=x_mm"' if is_gap else "write the gap to a column 'gap_mm'"
+        text = f"{source}: the {output_text} {fault} with '{name}', so it is not a gap; {remedy}"
+        raise InputError(text, code="direction-unclear", key=name)
+    if closes:
+        position = high - points.position
         note = f"'{name}' closes the gap, because the {output_text} grows with it: gap = {1e3 * high:.6g} mm - {name}"
-    elif rising_share < 1.0 - _MIN_TREND_SHARE:
-        shift = max(-low, 0.0)
-        position = position + shift
-        note = f"'{name}' opens the gap, because the {output_text} falls as it grows: gap = {name}" + (
-            f" + {1e3 * shift:.6g} mm" if shift else ""
-        )
     else:
-        raise InputError(
-            f"{source}: the {output_text} neither grows nor falls with '{name}' everywhere, so it is not clear "
-            "whether it opens or closes the gap; write the gap to a column 'gap_mm'",
-            code="direction-unclear",
-            key=name,
-        )
+        position = points.position + max(-low, 0.0)
+        shift_text = f" + {-1e3 * low:.6g} mm" if low < 0.0 else ""
+        note = f"'{name}' opens the gap, because the {output_text} falls with it: gap = {name}{shift_text}"
     return replace(points, position=position, notes=(*points.notes, note))
 
 
@@ -289,35 +254,31 @@ def _share_of_rising_steps(points: _Points, name: str) -> float:
     return float(np.mean(steps > 0.0)) if steps.size else 0.5
 
 
-def _make_loops(
-    source_name: str, points: _Points, name: str, label: str, source: Source | None, scale_note: str
-) -> SourceLoops | None:
-    """Return one loop for each gap with enough points; None if there is none."""
-    rows = _sorted_rows(points, name)
-    if rows is None:
-        return None
-    current, position, output = points.current[rows], points.position[rows], points.outputs[name][rows]
-    gaps, counts = np.unique(position, return_counts=True)
-    groups = [position == gap for gap in gaps[counts >= _MIN_POINTS]]
+def _make_loops(points: _Points, name: str, label: str, source: Source) -> SourceLoops:
+    """Return one loop for each gap with enough points."""
+    rows, _ = _sorted_rows(points, name)
+    gaps, counts = np.unique(points.position[rows], return_counts=True)
+    groups = [rows[points.position[rows] == gap] for gap in gaps[counts >= _MIN_POINTS]]
     loops = tuple(
-        Loop(label, current[group], output[group], position[group], history=ANHYSTERETIC, source=source_name)
+        Loop(
+            label, points.current[group], points.outputs[name][group], points.position[group],
+            history=ANHYSTERETIC, source=source.path,
+        )
         for group in groups
+    )  # fmt: skip
+    left_out_count = points.current.size - sum(group.size for group in groups)
+    left_out_text = (
+        f"; {count_text(left_out_count, 'point')} repeated or without a value" if left_out_count else ""
     )
-    if not loops:
-        return None
-    missing_count = int(np.count_nonzero(~np.isfinite(points.outputs[name])))
-    missing_text = f"; {count_text(missing_count, 'point')} without a value left out" if missing_count else ""
-    short_gaps = ", ".join(f"{1e3 * gap:.4g} mm" for gap in gaps[counts < _MIN_POINTS])
     others = [text for other, text in points.output_names.items() if other != name]
     notes = [
-        f"table of one {name.replace('_', ' ')} for each of {np.unique(current).size} currents at "
-        f"{count_text(len(loops), 'gap')}, without hysteresis{missing_text}",
+        f"table of one {name.replace('_', ' ')} for each of {np.unique(points.current).size} currents at "
+        f"{count_text(len(loops), 'gap')}, without hysteresis{left_out_text}",
         *points.notes,
-        scale_note,
-        *([f"fewer than {_MIN_POINTS} points, left out: gap {short_gaps}"] if short_gaps else []),
+        "values are used as they are; no depth, symmetry factor or number of turns is applied",
         *(f"'{text}' is used instead with --columns \"{points.output_names[name]}=\"" for text in others),
     ]
     return SourceLoops(
-        source_name, loops, QUANTITIES["current"], QUANTITIES[name], QUANTITIES["gap"], source,
-        tuple(f"{source_name}: {note}" for note in notes), is_labelled=False,
+        source.path, loops, QUANTITIES["current"], QUANTITIES[name], QUANTITIES["gap"],
+        source if source.sha256 else None, tuple(f"{source.path}: {note}" for note in notes), is_labelled=False,
     )  # fmt: skip

@@ -140,8 +140,7 @@ def identify(
 
     outcome = _fit_all_speeds(loops, fit_static, speeds)
     valid, hysteresis = valid_range(loops), NO_HYSTERESIS_TEXT if tables else ""
-    if tables:
-        loops = measured or tables
+    loops = (measured or tables) if tables else loops
     if tables and measured:
         outcome, valid, hysteresis = add_measured_width(outcome, measured, valid)
     lag = describe_coil_lag(loops)

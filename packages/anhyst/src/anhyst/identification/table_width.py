@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 
 from anhyst.data import Loops
 from anhyst.data.output_map import full_scale
-from anhyst.data.path import thin_rows
 from anhyst.identification.run import Outcome
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
@@ -23,119 +22,98 @@ from anhyst.model.schema import Uncertainty, ValidRange
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-_THRESHOLDS = 12
-_THRESHOLD_RANGE = (2e-3, 0.7)
-"""Thresholds of the cells, relative to the drive of the largest measured current."""
-_START_SCALES = (0.01, 0.03, 0.1)
-_SCALE_SIGMA = 0.05
+_THRESHOLD_COUNT = 12
+_MIN_THRESHOLD_SHARE = 2e-3
+_MAX_THRESHOLD_SHARE = 0.7
+"""Smallest and largest threshold, relative to the drive at the largest measured current."""
+_MAX_THRESHOLD_WIDTHS = 250.0
+"""Largest threshold, relative to the narrowest curve; the core allows 300."""
+_SPREAD_SIGMA = 1.0
+"""Prior standard deviation of the logarithm of the ratio of neighbouring cells."""
+_FACTOR_SIGMA = 0.05
 """Prior standard deviation of the factor of a simulated output."""
 _GAP_SIGMA = 0.02
 """Prior standard deviation of the gap's zero, relative to the smallest measured gap."""
 _MODEL_SIGMA = 2e-3
 """Assumed deviation of loops from the model, relative to the full scale."""
 _INDEPENDENT_SAMPLES = 20.0
-_MAX_SAMPLES = 300
+"""Assumed number of independent deviations along a loop."""
 
 
 def add_measured_width(
     outcome: Outcome, measured: Loops, valid: ValidRange
 ) -> tuple[Outcome, ValidRange, str]:
     """Return the model of a table with the hysteresis of loops, its valid range, and a sentence."""
-    model = outcome.model
-    if model.operator_law.cells is None:
-        raise InputError(
-            f"law {model.law}: a table and loops together need play cells; identify with --law play-cells",
-            code="choices-together",
-            key="law",
-        )
     low, high = valid.schedule or (0.0, 0.0)
-    for gap in measured.schedule_values:
-        if not 0.9 * low <= gap <= 1.1 * high:
-            raise InputError(
-                f"a loop at gap {1e3 * gap:.4g} mm is outside of the table, {1e3 * low:.4g} to {1e3 * high:.4g} mm; "
-                "simulate this gap too",
-                code="gap-outside-table",
-                key="gap",
-            )
-    fit = _WidthFit(model, _thinned(measured))
-    starts = (np.array([np.log(scale), np.log(1.5), 0.0, 0.0, 0.0]) for scale in _START_SCALES)
-    results = [least_squares(fit.residuals, start, bounds=fit.bounds, x_scale=fit.scales) for start in starts]
-    best = min(results, key=lambda result: float(result.cost))
-    theta: FloatArray = best.x
-    covariance = np.linalg.pinv(best.jac.T @ best.jac)
-    shift, scale = float(theta[3]) * fit.gap_unit, float(np.exp(theta[4]))
-    std = np.sqrt(np.diag(covariance))[3:] * (fit.gap_unit, scale)
+    outside = [gap for gap in measured.schedule_values if not 0.9 * low <= gap <= 1.1 * high]
+    if outcome.model.operator_law.cells is None or not measured.schedule_values or outside:
+        fault = "play cells (--law play-cells), and loops at constant gaps"
+        fault = f"loops within its gaps, not at {1e3 * outside[0]:.4g} mm" if outside else fault
+        raise InputError(f"a table and loops together need {fault}", code="table-and-loops", key="loops")
+    fit = _WidthFit(outcome.model, measured)
+    start = np.concatenate([[2.0], np.zeros(_THRESHOLD_COUNT + 2)])
+    result = least_squares(fit.residuals, start, x_scale=fit.scales)
+    theta: FloatArray = result.x
+    shift, factor = float(theta[-2]) * fit.gap_sigma, float(np.exp(theta[-1]))
+    variances = np.diag(np.linalg.pinv(result.jac.T @ result.jac))[-2:]
+    std = tuple((np.sqrt(variances) * (fit.gap_sigma, factor)).tolist())
+    output_text = measured.output.name.replace("_", " ")
     text = (
-        f"from {len(measured)} measured loops; the table gives the curve and the dependence on the gap, with its gap "
-        f"zero moved by {1e6 * shift:.3g} um and its {measured.output.name.replace('_', ' ')} multiplied by {scale:.4g}"
+        f"from measured loops; the rest from the table, with its gaps moved by {1e6 * shift:.3g} um and its "
+        f"{output_text} multiplied by {factor:.4g}"
     )
-    uncertainty = Uncertainty(("gap zero, m", "factor of the table"), (shift, scale), tuple(std.tolist()))
-    new_valid = replace(valid, schedule=(low + shift, high + shift))
-    return replace(outcome, model=fit.make_model(theta), uncertainty=uncertainty, fit=None), new_valid, text
-
-
-def _thinned(loops: Loops) -> Loops:
-    """Return the loops with fewer samples; reversals are kept."""
-    return loops.with_loops(
-        replace(loop, time=None, **{
-            name: values[thin_rows(loop.input, _MAX_SAMPLES)]
-            for name in ("input", "output", "schedule")
-            if (values := getattr(loop, name)) is not None
-        })
-        for loop in loops.loops
-    )  # fmt: skip
+    outcome = replace(
+        outcome,
+        model=fit.make_model(theta),
+        uncertainty=Uncertainty(("zero of the gap, m", "factor of the table"), (shift, factor), std),
+        fit=None,
+    )
+    return outcome, replace(valid, schedule=(low + shift, high + shift)), text
 
 
 @dataclass(frozen=True)
 class _WidthFit:
-    """The least-squares problem of width, gap zero and factor."""
+    """The least-squares problem of the spread over the cells, the gap's zero and the factor."""
 
     model: Model
     loops: Loops
-    bounds = ([np.log(1e-3), np.log(0.5), -6.0, -6.0, -0.7], [np.log(1.0), np.log(6.0), 6.0, 6.0, 0.7])
-    scales = np.array([1.0, 0.5, 2.0, 1.0, 0.1])
+    scales = np.array([1.0] * (_THRESHOLD_COUNT + 2) + [0.1])
 
     @property
-    def gap_unit(self) -> float:
+    def gap_sigma(self) -> float:
         """Prior standard deviation of the gap's zero, m."""
         return _GAP_SIGMA * min(self.loops.schedule_values)
 
     def make_model(self, theta: FloatArray) -> Model:
-        """Return the model for the logarithms of pinning scale, exponent and factor, pinned share and shift."""
-        log_scale, log_exponent, share, shift, log_factor = theta
-        parameters = dict(self.model.parameters_at(self.model.first_node))
+        """Return the model for the logarithms of the spread, the shift and the logarithm of the factor."""
+        parameters = dict(self.model.parameters)
+        iron = self.model.parameters_at(self.model.first_node)
         assert self.model.operator_law.cells is not None
-        cells = self.model.operator_law.cells(parameters)
-        largest_drive = parameters["c_H"] * max(float(np.abs(loop.input).max()) for loop in self.loops.loops)
-        thresholds = np.geomspace(*_THRESHOLD_RANGE, _THRESHOLDS)
-        limits = np.sqrt(thresholds[1:] * thresholds[:-1])
-        tails = np.concatenate(
-            [[1.0], np.exp(-((limits / np.exp(log_scale)) ** np.exp(log_exponent))), [0.0]]
-        )
-        pinned_share = 1.0 / (1.0 + np.exp(-share))
-        shares = np.concatenate([[1.0 - pinned_share], -np.diff(tails) * pinned_share])
+        cells = self.model.operator_law.cells(iron)
+        drive = iron["c_H"] * max(float(np.abs(loop.input).max()) for loop in self.loops.loops)
+        largest = min(_MAX_THRESHOLD_SHARE * drive, _MAX_THRESHOLD_WIDTHS * float(cells.widths.min()))
+        smallest = largest * _MIN_THRESHOLD_SHARE / _MAX_THRESHOLD_SHARE
+        shares = np.exp(theta[:-2] - theta[:-2].max())
         weights = CellWeights(
-            np.concatenate([[0.0], thresholds * largest_drive]),
+            np.concatenate([[0.0], np.geomspace(smallest, largest, _THRESHOLD_COUNT)]),
             cells.widths,
-            shares[:, None] * cells.weights.sum(axis=0),
+            shares[:, None] / shares.sum() * cells.weights.sum(axis=0),
             cells.shape,
             cells.centres,
         )
-        circuit = {
-            name: self.model.parameters[name] for name in ("alpha", "rho", "c_H", "gamma", "in_0", "out_0")
-        }
-        c_out = np.asarray(self.model.parameters["c_out"]) * np.exp(log_factor)
-        nodes = tuple(np.asarray(self.model.nodes) + shift * self.gap_unit)
-        return replace(
-            self.model, cells=weights, parameters={**circuit, "c_out": c_out.tolist()}, nodes=nodes
-        )
+        names = ("alpha", "rho", "c_H", "gamma", "in_0", "out_0")
+        c_out = (np.asarray(parameters["c_out"]) * np.exp(theta[-1])).tolist()
+        nodes = tuple(np.asarray(self.model.nodes) + theta[-2] * self.gap_sigma)
+        circuit = {name: parameters[name] for name in names} | {"c_out": c_out}
+        return replace(self.model, cells=weights, parameters=circuit, nodes=nodes)
 
     def residuals(self, theta: FloatArray) -> FloatArray:
-        """Return the weighted deviations from the loops, and the priors of gap zero and factor."""
+        """Return the weighted deviations from the loops and from the prior."""
         model, loops = self.make_model(theta), self.loops.loops
         size = _MODEL_SIGMA * full_scale(self.loops.output, [loop.output for loop in loops])
         deviations = [
-            (model.predict_loop(loop) - loop.output) * np.sqrt(_INDEPENDENT_SAMPLES / loop.n)
+            (model.predict_loop(loop) - loop.output) * (_INDEPENDENT_SAMPLES / loop.n) ** 0.5 / size
             for loop in loops
         ]
-        return np.concatenate([np.concatenate(deviations) / size, [theta[3], theta[4] / _SCALE_SIGMA]])
+        prior = [np.diff(theta[1:-2]) / _SPREAD_SIGMA, [theta[0] - 2.0, theta[-2], theta[-1] / _FACTOR_SIGMA]]
+        return np.concatenate([*deviations, *prior])

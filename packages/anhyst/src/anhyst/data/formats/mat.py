@@ -23,14 +23,7 @@ from anhyst.data.formats.channels import (
     assign_clocks_by_name,
     require_package,
 )
-from anhyst.data.formats.mat_layouts import (
-    ArrayInMemory,
-    MatTree,
-    find_channels,
-    has_motor_map,
-    read_arrays,
-    read_tree,
-)
+from anhyst.data.formats.mat_layouts import ArrayInMemory, MatTree, find_channels, read_arrays, read_tree
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
@@ -197,13 +190,13 @@ def open_mat(path: Path) -> ChannelFile:
             f"{path}: is not a MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
             code="not-a-mat-file",
         )
-    if has_motor_map(tree):
+    channels = assign_clocks_by_name(find_channels(tree))
+    if {"Id", "Iq", "Fd", "Fq"} <= {re.sub(r"_\d+$", "", channel.name) for channel in channels}:  # SyR-e
         raise InputError(
-            f"{path}: is a map of a motor with two axes (Id, Iq, Fd, Fq), but a magnet has one current; save "
+            f"{path}: is the map of a motor with two axes (Id, Iq, Fd, Fq), but a magnet has one current; save "
             "its current, gap and flux linkage as I_A, gap_mm and psi_Wb",
             code="two-axes",
         )
-    channels = assign_clocks_by_name(find_channels(tree))
     unread_names = [f"'{name}' is a {kind} object" for name, kind in objects]
     if unread_names and not channels:
         raise InputError(

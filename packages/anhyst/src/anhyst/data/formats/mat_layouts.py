@@ -59,28 +59,7 @@ class ArrayInFile:
         return values.T
 
 
-@dataclass(frozen=True, eq=False)
-class UnfoldedArray:
-    """An array that is repeated along the axes of a matrix, and read as one column."""
-
-    array: ArrayInMemory | ArrayInFile
-    matrix_shape: tuple[int, int]
-    is_text: ClassVar[bool] = False
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of values of the matrix."""
-        return (self.matrix_shape[0] * self.matrix_shape[1],)
-
-    def read(self) -> Values:
-        """Return the values in the order of the rows of the matrix."""
-        values = np.squeeze(self.array.read())
-        if values.ndim == 1 and values.size == self.matrix_shape[0]:
-            values = values[:, None]
-        return np.broadcast_to(values, self.matrix_shape).reshape(-1)
-
-
-MatArray = ArrayInMemory | ArrayInFile | UnfoldedArray
+MatArray = ArrayInMemory | ArrayInFile
 
 
 @dataclass(frozen=True)
@@ -110,7 +89,7 @@ def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> 
 def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
     """Return the channels of a file or a group in any layout."""
     channels: list[Channel] = []
-    for name, node in _unfold_matrices(tree).items():
+    for name, node in (_unfold_map(tree) or tree).items():
         path = f"{group}/{name}" if group else name
         if _is_array(node):
             channels += _array_channels(name, node, group)
@@ -125,35 +104,25 @@ def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
     return channels
 
 
-def _unfold_matrices(tree: MatTree) -> MatTree:
-    """Return a table over current and position, given as matrices and vectors, as columns."""
-    arrays = {name: node for name, node in tree.items() if isinstance(node, ArrayInMemory | ArrayInFile)}
+def _unfold_map(tree: MatTree) -> MatTree | None:
+    """Return matrices over current and length, and vectors of their sides, as columns of equal length."""
+    arrays = {name: node for name, node in tree.items() if _is_array(node) and not node.is_text}
     shapes = {name: tuple(side for side in array.shape if side != 1) for name, array in arrays.items()}
-    matrices = {name: shape for name, shape in shapes.items() if len(shape) == 2}
-    units = {name: parse_header(name).unit for name in arrays}
-    dimensions = {unit.dimension: shapes[name] for name, unit in units.items() if unit is not None}
-    outputs = [
-        name for name in matrices if (unit := units[name]) and unit.dimension in {"flux_linkage", "force"}
-    ]
-    if not outputs or not {"current", "length"} <= set(dimensions):
-        return tree
-    rows, columns = matrices[outputs[0]]
-    is_ambiguous = rows == columns and len(dimensions["current"]) < 2
-    fitting = {(rows, columns), (rows,), (columns,)}
-    if is_ambiguous or any(shape not in fitting for shape in (dimensions["current"], dimensions["length"])):
-        return tree
-    unfolded = {
-        name: UnfoldedArray(array, (rows, columns))
-        for name, array in arrays.items()
-        if shapes[name] in fitting
+    matrix_shapes = {shape for shape in shapes.values() if len(shape) == 2}
+    dimensions = {unit.dimension for name in arrays if (unit := parse_header(name).unit) is not None}
+    if len(matrix_shapes) != 1 or not {"current", "length"} <= dimensions:
+        return None
+    shape = matrix_shapes.pop()
+    fitting = {name: array for name, array in arrays.items() if shapes[name] in {shape, shape[:1], shape[1:]}}
+    if shape[0] == shape[1] and any(len(shapes[name]) == 1 for name in fitting):
+        return None  # the side of a vector is not known
+    columns = {name: np.squeeze(array.read()) for name, array in fitting.items()}
+    columns = {
+        name: values[:, None] if values.shape == shape[:1] else values for name, values in columns.items()
     }
-    return {**tree, **unfolded}
-
-
-def has_motor_map(tree: MatTree) -> bool:
-    """Whether a structure contains the currents and fluxes of two axes, as the maps of SyR-e do."""
-    nodes = [member for member in tree.values() if isinstance(member, Mapping)]
-    return {"Id", "Iq", "Fd", "Fq"} <= set(tree) or any(map(has_motor_map, nodes))
+    return {
+        name: ArrayInMemory(np.broadcast_to(values, shape).reshape(-1)) for name, values in columns.items()
+    }
 
 
 def _structure_channels(name: str, node: MatTree, group: str, path: str) -> list[Channel]:
