@@ -22,7 +22,7 @@ from anhyst.data.formats import OpenTable
 from anhyst.data.formats.channels import is_number, parse_number
 from anhyst.data.joining import SourceLoops
 from anhyst.data.loops import Loop, Source
-from anhyst.data.path import ANHYSTERETIC
+from anhyst.data.path import ANHYSTERETIC, SETTLED
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -78,7 +78,7 @@ def read_simulated_table(
     columns = _find_columns(headers)
     if (
         is_described
-        or description.history not in (None, ANHYSTERETIC)
+        or description.history not in (None, SETTLED, ANHYSTERETIC)
         or any(header.is_clock or header.is_label for header in headers)
         or not columns["current"]
     ):
@@ -89,7 +89,7 @@ def read_simulated_table(
         return None  # the ordinary reader reports the fault
     values = {index: headers[index].to_si(column) for index, column in raw.numbers.items()}
     points = _choose_columns(headers, columns, values, raw.breaks)
-    if points is None or not (description.history or _is_grid(table.source_name, points)):
+    if points is None or not (description.history == ANHYSTERETIC or _is_grid(table.source_name, points)):
         return None
     points = _orient_force(table.source_name, points)
     points = _convert_to_gap(table.source_name, points)

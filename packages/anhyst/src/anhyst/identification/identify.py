@@ -147,8 +147,7 @@ def identify(
     unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
     rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""
     notes = filter(None, (lag, delay_text or unclear_delay, rate_warning))
-    table_notes = loops.notes if tables else ()
-    warnings = [*plausibility_warnings, *table_notes, *notes, *_warnings(loops, outcome)]
+    warnings = [*plausibility_warnings, *notes, *(loops.notes if tables else _warnings(loops, outcome))]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,

@@ -9,6 +9,7 @@ gap's zero and a factor of the output.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -23,13 +24,15 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 _THRESHOLD_COUNT = 12
-_MIN_THRESHOLD_SHARE = 2e-3
-_MAX_THRESHOLD_SHARE = 0.7
-"""Smallest and largest threshold, relative to the drive at the largest measured current."""
+_THRESHOLD_RANGE = 100.0
+"""Ratio of the largest to the smallest threshold."""
+_MAX_THRESHOLD_SHARE = 0.3
+"""Largest threshold, relative to the largest field in the iron on the loops."""
 _MAX_THRESHOLD_WIDTHS = 250.0
 """Largest threshold, relative to the narrowest curve; the core allows 300."""
+_SPREAD_STEP = 0.3
 _SPREAD_SIGMA = 1.0
-"""Prior standard deviation of the logarithm of the ratio of neighbouring cells."""
+"""Prior mean and standard deviation of the logarithm of the ratio of neighbouring cells."""
 _FACTOR_SIGMA = 0.05
 """Prior standard deviation of the factor of a simulated output."""
 _GAP_SIGMA = 0.02
@@ -79,6 +82,12 @@ class _WidthFit:
     loops: Loops
     scales = np.array([1.0] * (_THRESHOLD_COUNT + 2) + [0.1])
 
+    @cached_property
+    def largest_field(self) -> float:
+        """Largest field in the iron, A/m."""
+        predictions = (self.model.predict(loop.input, loop.schedule) for loop in self.loops.loops)
+        return max(float(np.abs(prediction.field).max()) for prediction in predictions)
+
     @property
     def gap_sigma(self) -> float:
         """Prior standard deviation of the gap's zero, m."""
@@ -90,12 +99,11 @@ class _WidthFit:
         iron = self.model.parameters_at(self.model.first_node)
         assert self.model.operator_law.cells is not None
         cells = self.model.operator_law.cells(iron)
-        drive = iron["c_H"] * max(float(np.abs(loop.input).max()) for loop in self.loops.loops)
-        largest = min(_MAX_THRESHOLD_SHARE * drive, _MAX_THRESHOLD_WIDTHS * float(cells.widths.min()))
-        smallest = largest * _MIN_THRESHOLD_SHARE / _MAX_THRESHOLD_SHARE
+        widest = _MAX_THRESHOLD_WIDTHS * float(cells.widths.min())
+        largest = min(_MAX_THRESHOLD_SHARE * self.largest_field, widest)
         shares = np.exp(theta[:-2] - theta[:-2].max())
         weights = CellWeights(
-            np.concatenate([[0.0], np.geomspace(smallest, largest, _THRESHOLD_COUNT)]),
+            np.concatenate([[0.0], np.geomspace(largest / _THRESHOLD_RANGE, largest, _THRESHOLD_COUNT)]),
             cells.widths,
             shares[:, None] / shares.sum() * cells.weights.sum(axis=0),
             cells.shape,
@@ -115,5 +123,8 @@ class _WidthFit:
             (model.predict_loop(loop) - loop.output) * (_INDEPENDENT_SAMPLES / loop.n) ** 0.5 / size
             for loop in loops
         ]
-        prior = [np.diff(theta[1:-2]) / _SPREAD_SIGMA, [theta[0] - 2.0, theta[-2], theta[-1] / _FACTOR_SIGMA]]
+        prior = [
+            (np.diff(theta[1:-2]) + _SPREAD_STEP) / _SPREAD_SIGMA,
+            [theta[0] - 2.0, theta[-2], theta[-1] / _FACTOR_SIGMA],
+        ]
         return np.concatenate([*deviations, *prior])
