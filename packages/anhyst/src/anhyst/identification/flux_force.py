@@ -137,8 +137,9 @@ def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> Deri
     )
     corrected = flux.corrected_loops(loops)
     force_loops = flux.force_loops(corrected)
-    moved_loops = flux.force_loops(_move_between_gaps(corrected, flux))
-    fitted_loops = force_loops.with_loops([*force_loops.loops, *moved_loops.loops])
+    has_table = force_loops.split_tables()[0] is not None
+    moved_loops = () if has_table else flux.force_loops(_move_between_gaps(corrected, flux)).loops
+    fitted_loops = force_loops.with_loops([*force_loops.loops, *moved_loops])
     return DerivedForce(force_loops, fitted_loops, flux, _warnings(fit))
 
 
