@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,13 +55,19 @@ from anhyst.identification.uncertainty import (
 )
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.actuator import find_compile_obstacle
+from anhyst.model.actuator import Model, find_compile_obstacle
 from anhyst.model.parameters import GAP_MAPS
-from anhyst.model.residual_analysis import analyse_loops, describe_residual, explain_rejection
-from anhyst.model.schema import Provenance, fit_figures
+from anhyst.model.residual_analysis import (
+    ResidualAnalysis,
+    analyse_loops,
+    describe_residual,
+    explain_rejection,
+)
+from anhyst.model.schema import FitFigures, Provenance, fit_figures
 from anhyst.support import running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
+from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import word_for_reader
 
 SEARCHES = ("default", "paper")
@@ -158,12 +164,11 @@ def identify(
     loops = (measured or tables) if tables else loops
     if tables and measured:
         outcome, valid, hysteresis = add_measured_width(outcome, measured, valid)
-    lag = describe_coil_lag(loops)
     unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
     rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""
-    notes = filter(None, (lag, delay_text or unclear_delay, rate_warning))
+    notes = (describe_coil_lag(loops), delay_text or unclear_delay, rate_warning)
     notes_or_warnings = loops.notes if tables else _warnings(loops, outcome)
-    warnings = [*plausibility_warnings, *flux_warnings, *notes, *notes_or_warnings]
+    warnings = [*plausibility_warnings, *flux_warnings, *filter(None, notes), *notes_or_warnings]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -186,14 +191,9 @@ def identify(
     }
     model = replace(outcome.model, **common_records, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common_records)  # type: ignore[arg-type]
-    acceptance = model.acceptance()
-    fitted = tuple(map(model.predict_loop, loops.loops))
-    metrics = fit_figures(
-        loops, fitted, outcome.withheld_errors, acceptance.passed, outcome.expected_error, outcome.candidates
-    )
+    fitted, acceptance = tuple(map(model.predict_loop, loops.loops)), model.acceptance()
     residual = analyse_loops(loops, fitted)
-    residual_text = describe_residual(residual, loops, model)
-    metrics = replace(metrics, not_noise=residual.unexplained, left_over=residual_text)
+    metrics = _make_figures(model, outcome, loops, fitted, residual, is_accepted=acceptance.passed)
     flux = None if derived is None else state_uncertainty(derived.flux, metrics)
     model = replace(model, fit=metrics, uncertainty=outcome.uncertainty, flux=flux)
     warnings += [reason] if (reason := find_compile_obstacle(model.at_rest)) is not None else []
@@ -212,6 +212,23 @@ def identify(
         interrupted=outcome.is_interrupted,
         rejection=describe_resonance(loops) or explain_rejection(residual, loops),
     )
+
+
+def _make_figures(
+    model: Model,
+    outcome: Outcome,
+    loops: Loops,
+    fitted: Sequence[FloatArray],
+    residual: ResidualAnalysis,
+    *,
+    is_accepted: bool | None,
+) -> FitFigures:
+    """Return the deviations of the model from its loops, and what remains of them."""
+    figures = fit_figures(
+        loops, fitted, outcome.withheld_errors, is_accepted, outcome.expected_error, outcome.candidates
+    )
+    residual_text = describe_residual(residual, loops, model)
+    return replace(figures, not_noise=residual.unexplained, left_over=residual_text)
 
 
 def _derive_wanted_force(
