@@ -276,6 +276,17 @@ def test_a_demagnetising_sine_gives_the_zero() -> None:
     assert np.max(np.abs(loop.output - (flux - flux[0]))) < 0.01 * flux.max()
 
 
+@pytest.mark.parametrize("points", [np.repeat((1.0, 0.5, 0.1), 4), 0.8 ** np.arange(16)])
+def test_cycles_of_decreasing_size_are_kept(points: FloatArray) -> None:
+    """Repeated cycles do not demagnetise, and a sine at the end of a record is part of the record."""
+    tips = points * np.resize((1.0, -1.0), points.size)
+    made = record((0.0, *BOTH_SIGNS[1:5], *tips, 0.0), is_sense=True)
+    loop = read_loops(
+        columns(made, "u_sense_V"), constants={"turns": 1, "sense_turns": 1}, schedule="none"
+    ).loops[0]
+    assert loop.n == made.time.size
+
+
 def test_symmetry_gives_the_zero_of_cycles_with_both_signs() -> None:
     """A record that begins at the tip of a cycle is centred."""
     made = record((1.0, *(-1.0, 1.0) * 3), rest=0.5, is_sense=True)
