@@ -340,3 +340,10 @@ def test_noise_is_no_drift() -> None:
     noise = 1e-3 * made.flux.max() * np.random.default_rng(3).normal(size=made.flux.size)
     loop = Loop("1", made.current, made.flux + noise, None, made.time)
     assert estimate_drift(loop, QUANTITIES["flux_linkage"]) == 0.0
+
+
+def test_holds_of_cycles_with_both_signs_are_not_another_gap(tmp_path: Path) -> None:
+    """Holds at one of the two tips do not make equal cycles look like cycles of another gap."""
+    made = record((0.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 0.0))
+    path = write(tmp_path / "coil.csv", "t_s,I_A,psi_Wb", made.time, made.current, made.flux)
+    assert len(read_loops(path)) == 1
