@@ -276,6 +276,17 @@ def test_a_demagnetising_sine_gives_the_zero() -> None:
     assert np.max(np.abs(loop.output - (flux - flux[0]))) < 0.01 * flux.max()
 
 
+@pytest.mark.parametrize("points", [np.repeat((1.0, 0.5, 0.1), 4), 0.8 ** np.arange(16)])
+def test_cycles_of_decreasing_size_are_kept(points: FloatArray) -> None:
+    """Repeated cycles do not demagnetise, and a sine at the end of a record is part of the record."""
+    tips = points * np.resize((1.0, -1.0), points.size)
+    made = record((0.0, *BOTH_SIGNS[1:5], *tips, 0.0), is_sense=True)
+    loop = read_loops(
+        columns(made, "u_sense_V"), constants={"turns": 1, "sense_turns": 1}, schedule="none"
+    ).loops[0]
+    assert loop.n == made.time.size
+
+
 def test_symmetry_gives_the_zero_of_cycles_with_both_signs() -> None:
     """A record that begins at the tip of a cycle is centred."""
     made = record((1.0, *(-1.0, 1.0) * 3), rest=0.5, is_sense=True)
@@ -329,3 +340,10 @@ def test_noise_is_no_drift() -> None:
     noise = 1e-3 * made.flux.max() * np.random.default_rng(3).normal(size=made.flux.size)
     loop = Loop("1", made.current, made.flux + noise, None, made.time)
     assert estimate_drift(loop, QUANTITIES["flux_linkage"]) == 0.0
+
+
+def test_holds_of_cycles_with_both_signs_are_not_another_gap(tmp_path: Path) -> None:
+    """Holds at one of the two tips do not make equal cycles look like cycles of another gap."""
+    made = record((0.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 0.0))
+    path = write(tmp_path / "coil.csv", "t_s,I_A,psi_Wb", made.time, made.current, made.flux)
+    assert len(read_loops(path)) == 1

@@ -59,6 +59,8 @@ _MAX_REST_STEP = 3e-4
 _SETTLING_SHARE = 0.25
 """Part at the beginning of a rest that is not used: the current and eddy currents settle."""
 _MIN_DECAYING_REVERSALS = 6
+_DECAYS = (0.4, 0.995)
+"""Range of the ratio of successive reversals of a demagnetising sine."""
 _MAX_DECAYED_SHARE = 0.15
 """Largest last reversal of a demagnetising sine, relative to the first."""
 
@@ -272,15 +274,15 @@ def _set_zero(loop: Loop) -> Loop:
 def _find_demagnetised_row(drive: FloatArray) -> int | None:
     """Return the last row of a decaying alternating drive at the beginning; ``None`` without one."""
     rows = find_turning_points(drive)
-    sizes = np.abs(drive[rows[1:-1]])
-    is_alternating = drive[rows[1:-2]] * drive[rows[2:-1]] < 0.0
-    is_decaying = is_alternating & (sizes[1:] <= sizes[:-1])
-    count = int(np.argmin(is_decaying)) if not is_decaying.all() else is_decaying.size
-    if count + 1 < _MIN_DECAYING_REVERSALS or sizes[count] > _MAX_DECAYED_SHARE * sizes[0]:
+    tips = drive[rows[1:-1]]
+    products = -tips[1:] * tips[:-1]
+    is_decaying = (products > _DECAYS[0] * tips[:-1] ** 2) & (products < _DECAYS[1] * tips[:-1] ** 2)
+    count = is_decaying.size if is_decaying.all() else int(np.argmin(is_decaying))
+    if count + 1 < _MIN_DECAYING_REVERSALS or abs(tips[count]) > _MAX_DECAYED_SHARE * abs(tips[0]):
         return None
-    first, last = rows[count + 1], rows[min(count + 2, rows.size - 1)]
-    is_before_zero = drive[first:last] * drive[first] > 0.0
-    return int(first + np.flatnonzero(is_before_zero)[-1])
+    last_tip, next_tip = rows[count + 1], rows[count + 2]
+    row = int(last_tip + np.flatnonzero(drive[last_tip:next_tip] * drive[last_tip] > 0.0)[-1])
+    return row if np.ptp(drive[row:]) > 0.5 * abs(tips[0]) else None
 
 
 def _find_rests(drive: FloatArray) -> list[slice]:

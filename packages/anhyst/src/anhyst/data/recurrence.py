@@ -29,22 +29,19 @@ _END_SHARE = 0.04
 """Part of a stretch that determines the value at its end, as a fraction of the input range."""
 _MAX_END_DISTANCE = 0.02
 """Maximum distance of the ends of two stretches that continue each other, as such a fraction."""
-_MIN_DRIFT_SIGMAS = 1.0
-"""Number of standard errors above which a drift is not noise. The standard error assumes that all
-differences of a stretch are one measurement, and is four times the error on drawn records."""
 _MIN_SAMPLES = 4
 """Minimum number of samples of a compared stretch."""
 
-Stretch = slice
-"""Rows of a record where the input is monotonic and erases no reversal."""
 
+def find_curves(drive: FloatArray) -> list[list[slice]]:
+    """Return the stretches of the curves that the iron passes several times.
 
-def find_curves(drive: FloatArray) -> list[list[Stretch]]:
-    """Return the stretches of the curves that the iron passes several times."""
+    In the rows of a stretch, the input is monotonic and erases no reversal.
+    """
     tolerance = _MAX_LEVEL_DISTANCE * float(np.ptp(drive))
     rows = find_turning_points(drive)
     levels = _group_levels(drive[rows], tolerance)
-    curves: defaultdict[tuple[float, ...], list[Stretch]] = defaultdict(list)
+    curves: defaultdict[tuple[float, ...], list[slice]] = defaultdict(list)
     reversals, largest, epoch = [float(levels[0])], abs(float(levels[0])), 0
     for (first, last), level in zip(pairwise(rows.tolist()), levels[1:].tolist(), strict=True):
         start, sign = first, 1.0 if drive[last] > drive[first] else -1.0
@@ -114,8 +111,10 @@ def estimate_drift(loop: Loop, output: Quantity) -> float | None:
         return None
     drift = float(differences[:, 0] @ differences[:, 1]) / weight
     residual = differences[:, 0] - drift * differences[:, 1]
+    # This standard error is four times the error on simulated records, because it counts all
+    # differences of a stretch as one.
     sigma = float(np.sqrt(np.sum(residual**2) / max(1, count - 1) / weight))
-    return drift if abs(drift) > _MIN_DRIFT_SIGMAS * sigma else 0.0
+    return drift if abs(drift) > sigma else 0.0
 
 
 def _group_levels(values: FloatArray, tolerance: float) -> FloatArray:
