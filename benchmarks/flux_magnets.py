@@ -239,7 +239,7 @@ def _measure(
     offset = gap_zero_of(seed) if gap_zero is None else gap_zero
     turns = [RECORD_TURNS[0], *RECORD_TURNS[:5], *RECORD_TURNS[4:], RECORD_TURNS[-1]]
     current = magnet.current_max * sweep(turns)
-    time: FloatArray = SAMPLE_S * np.arange(current.size)
+    time = SAMPLE_S * np.arange(current.size, dtype=float)
     output: Quantity = QUANTITIES["force" if zero is None else "flux_linkage"]
     true_outputs = [run_conditioned(magnet, current, float(gap))[zero is None] for gap in gaps]
     scale = max(float(np.max(np.abs(values))) for values in true_outputs)
