@@ -36,7 +36,7 @@ sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))  # for plants 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
-           "actuators", "fleet")  # fmt: skip
+           "actuators", "fleet", "flux")  # fmt: skip
 SLOW_MODULES = ("search", "solid", "rate", "meander", "creeping", "sampled_stages")
 """Modules that take so long that they run only if they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
