@@ -49,18 +49,23 @@ Prediction = Callable[[UnseenDrive], FloatArray]
 def judge(predict: Prediction, drives: Sequence[UnseenDrive]) -> Errors:
     """Compare the predicted with the true force."""
     largest = max(float(drive.force.max()) for drive in drives)
-    means_and_worsts = []
-    for moves in (False, True):
-        errors = np.concatenate(
-            [np.abs(predict(drive) - drive.force) for drive in drives if drive.moves == moves]
-        )
-        means_and_worsts += [100.0 * float(errors.mean()) / largest, 100.0 * float(errors.max()) / largest]
+    errors = [100.0 * np.abs(predict(drive) - drive.force) for drive in drives]
+    at_rest, moving = (
+        np.concatenate([error for error, drive in zip(errors, drives, strict=True) if drive.moves == moves])
+        for moves in (False, True)
+    )
     means_of_gaps = [
-        100.0 * float(np.abs(predict(drive) - drive.force).mean() / drive.force.max())
-        for drive in drives
+        float(error.mean() / drive.force.max())
+        for error, drive in zip(errors, drives, strict=True)
         if not drive.moves
     ]
-    return Errors(*means_and_worsts, float(np.mean(means_of_gaps)))
+    return Errors(
+        float(at_rest.mean()) / largest,
+        float(at_rest.max()) / largest,
+        float(moving.mean()) / largest,
+        float(moving.max()) / largest,
+        float(np.mean(means_of_gaps)),
+    )
 
 
 def by_law(law: ForceLaw) -> Prediction:
