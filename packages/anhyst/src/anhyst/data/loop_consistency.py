@@ -91,7 +91,9 @@ def _refuse_different_cycles(loopset: Loops) -> None:
 
 def _tip_output(loop: Loop, branch: Branch) -> float:
     """Return the median output near the largest absolute input of a branch."""
-    drive = np.abs(loop.input[branch.rows])
+    drive = loop.input[branch.rows]
+    tip = drive[-1] if abs(drive[-1]) > 0.5 * abs(drive[0]) else drive[0]
+    drive = drive * np.sign(tip)
     return float(np.median(loop.output[branch.rows][drive >= _TIP_SHARE * drive.max()]))
 
 

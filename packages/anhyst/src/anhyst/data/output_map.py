@@ -86,8 +86,17 @@ def name_full_scale(output: Quantity, size: float | None = None) -> str:
     return f"{scale_name} ({scale * size:.5g} {unit})"
 
 
+COIL_VOLTAGES = ("sense_voltage", "voltage")
+"""Voltages that are integrated to the flux linkage if a current drives, in order of preference."""
+
+
 def measured_quantity(drive: Quantity, output: Quantity) -> Quantity:
-    """Return the output quantity for a drive; a magnetised body has an even strain."""
+    """Return the output quantity for a drive.
+
+    A magnetised body has an even strain. The integral of the voltage of a coil is a flux linkage.
+    """
+    if output.name in COIL_VOLTAGES:
+        return QUANTITIES["flux_linkage"]
     name = output_map(output).magnetised_name
     return QUANTITIES[name] if name and drive.name in {"current", "field"} else output
 

@@ -23,6 +23,7 @@ from anhyst.data.file_names import (
     find_gaps_in_names,
     refuse_contradicting_gap,
 )
+from anhyst.data.flux_linkage import integrate_voltage
 from anhyst.data.formats import OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
@@ -31,8 +32,8 @@ from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_f
 from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
 from anhyst.data.loop_consistency import refuse_different_loops
 from anhyst.data.loops import Loop, Loops, Source, are_even
-from anhyst.data.output_map import measured_quantity
-from anhyst.data.path import History, HistoryLike, find_time_reversal
+from anhyst.data.output_map import COIL_VOLTAGES, measured_quantity
+from anhyst.data.path import SETTLED, History, HistoryLike, find_time_reversal
 from anhyst.data.plateaus import find_plateaus, has_loop
 from anhyst.data.roles import (
     MIN_LOOP_SAMPLES,
@@ -43,6 +44,7 @@ from anhyst.data.roles import (
     find_column,
     find_label,
     find_roles,
+    turns_ratio,
 )
 from anhyst.data.sidecar import FileDescription
 from anhyst.data.table import LOOP_SOURCES_TEXT, check_source, find_clocks, frame_to_table, is_data_frame
@@ -57,7 +59,7 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse
 Rows = NDArray[np.intp]
 
 _UNKNOWN_QUANTITY = Quantity("value", "value", "1")
-_GAP_DEPENDENT_OUTPUTS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
+_GAP_DEPENDENT_OUTPUTS = frozenset({"force", "thrust", "flux_density", "flux_linkage", *COIL_VOLTAGES})
 _MIN_MEAN_RUN_SAMPLES = 6
 """Minimum mean length of runs of equal scheduling values that are separate loops, in samples."""
 _MAX_LOOPS = 2000
@@ -390,6 +392,10 @@ def _cut_into_loops(
     drive, output = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
     assert output is not None
+    is_integrated = output.name in COIL_VOLTAGES
+    if output.name == "sense_voltage":
+        ratio = turns_ratio(columns.source_name, description.constants)
+        columns = replace(columns, output=ratio * columns.output)
     output = measured_quantity(drive, output)
     quantity, remarks = roles.schedule_quantity, [*roles.notes(headers), *notes]
     blocks = _group_rows(columns)
@@ -409,8 +415,12 @@ def _cut_into_loops(
             count = label_counts[loop.label, loop.schedule_value]
             loop = replace(loop, label=f"{loop.label}-{count}")  # the gap was measured before
         stated_history: History | None = description.histories.get(loop.label, description.history)
-        loops.append(loop if stated_history is None else replace(loop, history=stated_history))
-        without_history += [index] if stated_history is None else []
+        loop = loop if stated_history is None else replace(loop, history=stated_history)
+        if is_integrated:
+            loop, note = integrate_voltage(loop, has_resistance=headers[roles.output].quantity == QUANTITIES["voltage"])
+            remarks.append(note)
+        loops.append(loop)
+        without_history += [index] if stated_history is None and loop.history == SETTLED else []
     return SourceLoops(
         columns.source_name,
         tuple(loops),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.formats.channels import Texts, is_number
-from anhyst.data.output_map import OUTPUT_MAPS
+from anhyst.data.output_map import COIL_VOLTAGES, OUTPUT_MAPS
 from anhyst.data.path import reversal_count
 from anhyst.data.proposals import (
     advise_mapping,
@@ -29,11 +29,13 @@ from anhyst.data.proposals import (
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import DRIVE_QUANTITIES, MASS_UNITS, QUANTITIES, Header, Quantity, parse_header
+from anhyst.support.units import DRIVE_QUANTITIES, MASS_UNITS, QUANTITIES, QUANTITY_DIMENSIONS, Header, Quantity, parse_header
 from anhyst.support.vocabulary import named_quantities, split_words
 
 _NO_SCHEDULE = "none"
 _MOTION_OUTPUTS = frozenset({"displacement", "strain", "magnetostriction"})
+TURNS = frozenset({"turns", "sense_turns"})
+"""Names of the constants that refer the voltage of a sense coil to the coil."""
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
 _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
@@ -87,8 +89,10 @@ def find_roles(
     ``texts`` are the columns whose first field is not a number. ``clocks`` returns the columns with
     equal steps; it is only called to make a proposal.
     """
-    drive, output = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
     time = _find_time(source, headers, texts)
+    has_times = time is not None and headers[time].unit is not None
+    voltage = _find_coil_voltage(source, headers, description) if has_times else None
+    drive, output = voltage or _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
     label = _find_label_column(source, headers, description)
     constants = description.constants
     constant_label = next((str(constants[key]) for key in constants if parse_header(key).is_label), None)
@@ -195,6 +199,46 @@ def _find_input_and_output(
     )
 
 
+def _find_coil_voltage(
+    source: str, headers: Sequence[Header], description: FileDescription
+) -> tuple[int, int] | None:
+    """Return the indices of the current and of the coil's voltage, from which the flux follows.
+
+    ``None`` if a column can be another output: its quantity, its unit or a word says so. A sense
+    coil is preferred, because its voltage does not depend on the resistance.
+    """
+    voltages = [i for i, header in enumerate(headers) if header.quantity is not None
+                and header.quantity.name in COIL_VOLTAGES and header.problem is None]  # fmt: skip
+    dimensions = {QUANTITY_DIMENSIONS.get(name, name) for name in ("voltage", *OUTPUT_MAPS)}
+    dimensions -= {"number", "length"}
+    has_output = any(
+        header.quantity is not None
+        and (
+            header.quantity.name in OUTPUT_MAPS
+            or not named_quantities(header.name).isdisjoint(OUTPUT_MAPS)
+            or (not header.is_known and header.unit is not None and header.unit.dimension in dimensions)
+        )
+        for header in headers
+    )
+    if has_output and not any(headers[i].target for i in voltages):
+        return None
+    current = _find_only(source, headers, "current") if voltages else None
+    if current is None or any(header.quantity and header.quantity.name in OUTPUT_MAPS for header in headers):
+        return None
+    names = [name for name in COIL_VOLTAGES if name == "voltage" or TURNS.issubset(description.constants)]
+    columns = [_find_only(source, headers, name) for name in names]
+    voltage = next((column for column in columns if column is not None), None)
+    if voltage is None:
+        text = headers[voltages[0]].text
+        raise InputError(
+            f"{source}: column '{text}' is the voltage of a sense coil; state the turns of the coil and of "
+            'the sense coil, such as --constants "turns=260,sense_turns=20"',
+            code="turns-missing",
+            key=text,
+        )
+    return current, voltage
+
+
 def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_index: int) -> None:
     """Ask whether a voltage or a current drives a displacement or strain (piezo or coil)."""
     output, candidate = headers[output_index].quantity, headers[drive]
@@ -293,6 +337,19 @@ def _constants_in_si(source: str, constants: Mapping[str, float | str]) -> dict[
             number = header.unit.value_to_si(number)
         values[header.quantity.name] = (header.quantity, number)
     return values
+
+
+def turns_ratio(source: str, constants: Mapping[str, float | str]) -> float:
+    """Return the turns of the coil over those of its sense coil, as the constants state them."""
+    values = _constants_in_si(source, {name: constants[name] for name in TURNS})
+    turns, sense_turns = (values[name][1] for name in ("turns", "sense_turns"))
+    if not (turns > 0.0 and sense_turns > 0.0):
+        raise InputError(
+            f"{source}: turns = {turns:g} and sense_turns = {sense_turns:g}; both must be above 0",
+            code="bad-constant",
+            key="turns",
+        )
+    return turns / sense_turns
 
 
 def _find_schedule(

@@ -162,6 +162,7 @@ QUANTITIES = MappingProxyType(
             Quantity("current", "I", "A"),
             Quantity("field", "H", "A/m"),
             Quantity("voltage", "u", "V"),
+            Quantity("sense_voltage", "u_sense", "V"),
             Quantity("force", "F", "N"),
             Quantity("thrust", "F_th", "N"),
             Quantity("flux_density", "B", "T"),
@@ -199,6 +200,7 @@ LOOP_HEADER = "loop"
 
 QUANTITY_DIMENSIONS = MappingProxyType(
     {
+        "sense_voltage": "voltage",
         "displacement": "length",
         "gap": "length",
         "strain": "number",

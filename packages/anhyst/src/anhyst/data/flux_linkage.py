@@ -1,0 +1,321 @@
+"""Integrate the voltage of a coil, or of a sense coil, to the flux linkage.
+
+The flux linkage is the integral of ``u - R*i - u_0``. The resistance, its warming and the offset of
+the voltage follow from states that recur (`recurrence`) and from rests, because the flux linkage is
+the same in equal states and constant at rest. Weak priors keep the warming and the offset small.
+From the covariance of all parameters follows the uncertainty of the flux linkage. A record from
+which the parameters cannot be separated is refused, with the change that would separate them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import NoReturn
+
+import numpy as np
+
+from anhyst.data.estimates import estimate_noise, estimate_offsets
+from anhyst.data.holes import find_holes
+from anhyst.data.loops import Loop, replace_columns
+from anhyst.data.path import DEMAGNETISED, SETTLED, find_runs, find_turning_points, is_bipolar
+from anhyst.data.recurrence import compare_states
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+
+_MAX_UNCERTAINTY = 2.5e-3
+"""Largest accepted standard uncertainty, as a fraction of the largest flux linkage."""
+_CLOSING_ERROR = 5e-4
+"""Assumed difference of equal states, as a fraction of the flux linkage: iron closes no better."""
+_REST_ERROR = 1e-4
+"""Assumed change of the flux linkage during a rest, as such a fraction (after-effect)."""
+_RESISTANCE_SHARE = 10.0
+"""Standard deviation of the resistance before the record, relative to the largest voltage over
+the largest current."""
+_HEAT_SHARE = 0.05
+"""Standard deviation of the warming by heat that stays in the coil, relative to the resistance."""
+_COOLED_SHARE = 0.02
+"""Standard deviation of the warming by heat that leaves the coil, relative to the resistance."""
+_COOLING_CONSTANTS = 2.0
+"""Number of time constants of the cooling in a record."""
+_OFFSET_V = 0.01
+_OFFSET_SHARE = 0.002
+"""Standard deviation of the offset: the larger of 10 mV and this fraction of the voltage."""
+_HALF_RATE_RATIO = 3.0
+"""Ratio of the error of an integral over every second sample to the error of the integral."""
+_PASSES = 3
+"""Number of solutions; each updates the weights, which depend on the largest flux linkage."""
+_REST_BLOCKS = 1000
+"""Number of blocks of a record whose mean inputs show rests."""
+_MIN_REST_BLOCKS = 6
+_MAX_REST_STEP = 3e-4
+"""Maximum difference of the input of successive blocks at rest, as a fraction of the range."""
+_SETTLING_SHARE = 0.25
+"""Part at the beginning of a rest that is not used: the current and eddy currents settle."""
+_MIN_DECAYING_REVERSALS = 6
+_MAX_DECAYED_SHARE = 0.15
+"""Largest last reversal of a demagnetising sine, relative to the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Record:
+    """A voltage, its integral, and the integrals that are subtracted from it to give the flux."""
+
+    loop: Loop
+    clock: FloatArray  # time since the first sample, s
+    volts: FloatArray  # integral of the voltage, Wb
+    basis: FloatArray  # integral for each parameter, shape (parameters, n); the last is the clock
+
+    @classmethod
+    def of(cls, loop: Loop, *, has_resistance: bool) -> _Record:
+        """Return the integrals of a loop whose output is a voltage.
+
+        With a resistance, the parameters are R, its two increases with the heat (which stays in the
+        coil, or leaves it), and the offset; otherwise the offset only.
+        """
+        assert loop.time is not None
+        clock = _even_clock(loop.time)
+        basis = [clock]
+        if has_resistance:
+            power, cooling = loop.input**2, np.exp(_COOLING_CONSTANTS * clock / clock[-1])
+            heats = (_integrate(clock, power), _integrate(clock, power * cooling) / cooling)
+            factors = (np.ones(loop.n), *(heat / heat.max() for heat in heats))
+            basis = [*(_integrate(clock, factor * loop.input) for factor in factors), clock]
+        return cls(loop, clock, _integrate(clock, loop.output), np.array(basis))
+
+    @property
+    def has_resistance(self) -> bool:
+        """Whether the current flows in the coil whose voltage is measured."""
+        return self.basis.shape[0] > 1
+
+    def prior_sigmas(self, resistance: float) -> FloatArray:
+        """Return the standard deviations of the parameters before the record, Ohm and V."""
+        largest_u, largest_i = (float(np.max(np.abs(v))) for v in (self.loop.output, self.loop.input))
+        offset, bound = max(_OFFSET_V, _OFFSET_SHARE * largest_u), largest_u / largest_i
+        resistance = min(abs(resistance), bound) or bound
+        sigmas = [_RESISTANCE_SHARE * bound, _HEAT_SHARE * resistance, _COOLED_SHARE * resistance, offset]
+        return np.array(sigmas if self.has_resistance else sigmas[-1:])
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Parameters of a record with their information matrix, and the resulting flux linkage."""
+
+    record: _Record
+    values: FloatArray
+    information: FloatArray  # inverse of the covariance of the parameters
+    sampling_error: float  # error of the integral from the distance of the samples, Wb
+
+    @property
+    def flux(self) -> FloatArray:
+        """Flux linkage, Wb; zero at the first sample."""
+        return np.asarray(self.record.volts - self.values @ self.record.basis)
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """Standard deviations of the parameters."""
+        return np.sqrt(np.diag(np.linalg.inv(self.information)))
+
+    def flux_uncertainty(self, known: tuple[int, ...] = ()) -> float:
+        """Return the uncertainty of the flux as a fraction of its largest magnitude.
+
+        A constant error does not count. Parameters in ``known`` are assumed to be exact.
+        """
+        unknown = [n for n in range(self.values.size) if n not in known]
+        deviations = self.record.basis[unknown]
+        deviations = deviations - deviations.mean(axis=1, keepdims=True)
+        moments = deviations @ deviations.T / self.record.clock.size
+        covariance = np.linalg.inv(self.information[np.ix_(unknown, unknown)])
+        variance = float(np.trace(covariance @ moments)) + self.sampling_error**2
+        return variance**0.5 / _largest_flux(self.record.loop.input, self.flux)
+
+
+def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
+    """Return a loop of the flux linkage from a loop of the voltage, and a note with the estimates.
+
+    Without a resistance, the voltage is that of a sense coil, referred to the turns of the coil.
+
+    Raises
+    ------
+    InputError
+        If the flux linkage would not be accurate, with the reason and the remedy.
+    """
+    for hole in find_holes(loop.time):
+        raise InputError(
+            f"loop '{loop.label}': {hole}, but the flux linkage is the integral of every sample of the "
+            "voltage; record without a pause, or give each part its own label",
+            code="voltage-hole",
+            key="t",
+        )
+    fit = _fit_record(_Record.of(loop, has_resistance=has_resistance))
+    _refuse_inaccurate(fit)
+    return _set_zero(replace(loop, output=fit.flux)), _describe_fit(fit)
+
+
+def _fit_record(record: _Record) -> _Fit:
+    """Estimate the parameters from states that recur and from rests."""
+    loop, clock = record.loop, record.clock
+    signals = np.concatenate([record.volts[None], record.basis])
+    differences, count = compare_states(loop.input, signals)
+    rests = [signals[:, rows.stop - 1] - signals[:, rows.start] for rows in _find_rests(loop.input)]
+    equations = np.concatenate([differences, np.reshape(rests, (-1, signals.shape[0]))])
+    if not count + len(rests):
+        _refuse_single_cycle(loop)
+    noise, step = estimate_noise(loop.output), clock[-1] / (loop.n - 1)
+    resolution = float(np.min(np.diff(np.unique(loop.output))))
+    # Without noise, the converter rounds a constant voltage always to the same side.
+    rounding = resolution / 12.0**0.5 if noise < 0.5 * resolution else 0.0
+    rest_times = equations[len(differences) :, -1]
+    period = clock[-1] / (1 + count / 2)
+    values, residual_ratio, rows = np.zeros(len(record.basis)), 1.0, np.eye(len(record.basis))
+    for _ in range(_PASSES):
+        priors = np.diag(1.0 / record.prior_sigmas(values[0]))
+        largest = _largest_flux(loop.input, record.volts - values @ record.basis)
+        closing_sigma = float(np.hypot(_CLOSING_ERROR * largest, noise * (period * step) ** 0.5))
+        rest_sigmas = np.sqrt(
+            noise**2 * step * rest_times + (rounding * rest_times) ** 2 + (_REST_ERROR * largest) ** 2
+        )
+        weights = 1.0 / np.concatenate([np.full(len(differences), closing_sigma), rest_sigmas])
+        weighted = equations * weights[:, None]
+        rows = np.concatenate([weighted[:, 1:], priors])
+        target = np.concatenate([weighted[:, 0], np.zeros(len(priors))])
+        scale = np.linalg.norm(rows, axis=0)
+        values = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
+        residual = rows @ values - target
+        residual_ratio = float(residual @ residual) / max(1, count + len(rests) - values.size + 1)
+    half_rate_error = _integrate(clock[::2], loop.output[::2]) - record.volts[::2]
+    return _Fit(
+        record, values, rows.T @ rows / max(1.0, residual_ratio), float(np.std(half_rate_error)) / _HALF_RATE_RATIO
+    )
+
+
+def _refuse_single_cycle(loop: Loop) -> NoReturn:
+    raise InputError(
+        f"loop '{loop.label}': no state recurs and the current never rests, so the resistance and the "
+        "offset of the voltage cannot be separated from the flux linkage; record two equal cycles or "
+        "more, and a rest at zero current before and after them",
+        code="voltage-inaccurate",
+        key=loop.label,
+    )
+
+
+def _refuse_inaccurate(fit: _Fit) -> None:
+    """Raise an error if the flux linkage is not accurate, with the change that would help."""
+    loop, uncertainty = fit.record.loop, fit.flux_uncertainty()
+    if fit.record.has_resistance and fit.values[0] + 4.0 * fit.sigmas[0] < 0.0:
+        raise InputError(
+            f"loop '{loop.label}': the resistance of the coil would be {fit.values[0]:.4g} Ohm; current and "
+            "voltage have opposite signs: --flip u_V",
+            code="voltage-sign",
+            key="u_V",
+        )
+    if uncertainty <= _MAX_UNCERTAINTY:
+        return
+    all_values = tuple(range(fit.values.size))
+    sampling = fit.flux_uncertainty(known=all_values)
+    if sampling > 0.5 * _MAX_UNCERTAINTY:
+        cause = "the samples are too far apart for the cycle; sample faster, or run slower cycles"
+    elif fit.flux_uncertainty(known=all_values[-1:]) <= _MAX_UNCERTAINTY:
+        cause = (
+            "the offset of the voltage is not separable; record a rest at zero current, as long as a "
+            "cycle, before and after the cycles"
+        )
+    elif fit.record.has_resistance and fit.flux_uncertainty(known=all_values[:-1]) <= _MAX_UNCERTAINTY:
+        cause = (
+            "the resistance is not separable; hold the largest current for half a cycle, or add cycles "
+            "of another mean current, such as from zero to the largest current"
+        )
+    else:
+        cause = (
+            "the cycles are too slow or do not repeat; run faster cycles, at least three of each size, "
+            "with a rest at zero current before and after them"
+        )
+    raise InputError(
+        f"loop '{loop.label}': the voltage gives the flux linkage only to {uncertainty:.2%} of its largest "
+        f"value ({_MAX_UNCERTAINTY:.1%} is required): {cause}",
+        code="voltage-inaccurate",
+        key=loop.label,
+    )
+
+
+def _describe_fit(fit: _Fit) -> str:
+    """Return the estimates of a record as a note."""
+    values, sigmas = fit.values, fit.sigmas
+    texts = [f"offset {1e3 * values[-1]:.3g} mV"]
+    if fit.record.has_resistance:
+        texts = [
+            f"resistance {values[0]:.5g} ± {sigmas[0]:.2g} Ohm",
+            f"warming {100.0 * (values[1] + values[2]) / values[0]:.2g} %",
+            *texts,
+        ]
+    drift = abs(values[-1]) * fit.record.clock[-1] / _largest_flux(fit.record.loop.input, fit.flux)
+    return (
+        f"flux linkage of loop '{fit.record.loop.label}' integrated from the voltage: {', '.join(texts)} "
+        f"(a drift of {drift:.2g} times the largest flux linkage), uncertainty {fit.flux_uncertainty():.2%}"
+    )
+
+
+def _set_zero(loop: Loop) -> Loop:
+    """Return a loop whose flux linkage is zero where the iron is demagnetised, if that is known.
+
+    A demagnetising sine at the beginning is left out. Cycles that are symmetric about zero are
+    centred. Otherwise, the flux linkage begins at zero.
+    """
+    row = _find_demagnetised_row(loop.input)
+    if row is not None and loop.history == SETTLED:
+        rows = slice(row, None)
+        output = loop.output[rows] - loop.output[row]
+        return replace_columns(loop, itemgetter(rows), output=output, history=DEMAGNETISED)
+    if loop.history == DEMAGNETISED or not is_bipolar(loop.input):
+        return loop
+    offsets = estimate_offsets(loop)
+    return loop if offsets is None else replace(loop, output=loop.output - offsets[1])
+
+
+def _find_demagnetised_row(drive: FloatArray) -> int | None:
+    """Return the last row of a decaying alternating drive at the beginning; ``None`` without one."""
+    rows = find_turning_points(drive)
+    sizes = np.abs(drive[rows[1:-1]])
+    is_alternating = drive[rows[1:-2]] * drive[rows[2:-1]] < 0.0
+    is_decaying = is_alternating & (sizes[1:] <= sizes[:-1])
+    count = int(np.argmin(is_decaying)) if not is_decaying.all() else is_decaying.size
+    if count + 1 < _MIN_DECAYING_REVERSALS or sizes[count] > _MAX_DECAYED_SHARE * sizes[0]:
+        return None
+    first, last = rows[count + 1], rows[min(count + 2, rows.size - 1)]
+    is_before_zero = drive[first:last] * drive[first] > 0.0
+    return int(first + np.flatnonzero(is_before_zero)[-1])
+
+
+def _find_rests(drive: FloatArray) -> list[slice]:
+    """Return the rows of a record in which the input is constant, without the beginning of each."""
+    size = max(4, drive.size // _REST_BLOCKS)
+    means = drive[: drive.size // size * size].reshape(-1, size).mean(axis=1)
+    max_step = _MAX_REST_STEP * float(np.ptp(drive)) + 4.0 * estimate_noise(drive) / size**0.5
+    rests = []
+    for run in find_runs(np.abs(np.diff(means)) <= max_step):
+        start = run.start + 1 + int(_SETTLING_SHARE * (run.stop - run.start))
+        is_constant = float(np.ptp(means[start : run.stop])) <= 2.0 * max_step if start < run.stop else False
+        if run.stop - run.start >= _MIN_REST_BLOCKS and is_constant:
+            rests.append(slice(start * size, run.stop * size))
+    return rests
+
+
+def _largest_flux(drive: FloatArray, flux: FloatArray) -> float:
+    """Return the largest flux linkage: the range, or half of it if the drive has both signs."""
+    return float(np.ptp(flux)) * (0.5 if is_bipolar(drive) else 1.0)
+
+
+def _even_clock(time: FloatArray) -> FloatArray:
+    """Return the time since the first sample; a clock coarser than the sampling becomes even."""
+    clock = time - time[0]
+    steps = np.diff(clock)
+    even_clock = np.linspace(0.0, clock[-1], clock.size)
+    if steps.min() == 0.0 and np.max(np.abs(clock - even_clock)) <= 2.0 * steps.max():
+        return even_clock
+    return clock
+
+
+def _integrate(clock: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the integral from the first sample to each sample."""
+    areas = 0.5 * (values[1:] + values[:-1]) * np.diff(clock)
+    return np.concatenate([[0.0], np.cumsum(areas)])

@@ -1,0 +1,131 @@
+"""Find the stretches of a record in which the iron passes through the same states.
+
+A reversal of the input is erased from the memory of the iron when the input returns to it
+(return-point memory). The remaining reversals identify the curve on which the iron moves, so all
+stretches with the same remaining reversals have the same output at the same input. A new largest
+magnitude of the input ends all earlier curves, because what came before the record is unknown.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.path import find_turning_points
+from anhyst.support.numeric import FloatArray
+
+_MAX_LEVEL_DISTANCE = 0.006
+"""Maximum distance of reversals at the same input, as a fraction of the input range."""
+_INPUT_LEVELS = 24
+"""Number of inputs at which stretches of one curve are compared."""
+_BINS = 100
+"""Maximum number of bins of the input in which a stretch is averaged."""
+_END_SHARE = 0.04
+"""Part of a stretch from which its value at an end is extrapolated, as a fraction of the range."""
+_MAX_END_DISTANCE = 0.02
+"""Maximum distance of the ends of two stretches that continue each other, as such a fraction."""
+_MIN_SAMPLES = 4
+"""Minimum number of samples of a compared stretch."""
+
+Stretch = slice
+"""Rows of a record in which the input is monotonic and erases no reversal."""
+
+
+def find_curves(drive: FloatArray) -> list[list[Stretch]]:
+    """Return the stretches of each curve that the iron passes several times."""
+    tolerance = _MAX_LEVEL_DISTANCE * float(np.ptp(drive))
+    rows = find_turning_points(drive)
+    levels = _group_levels(drive[rows], tolerance)
+    curves: defaultdict[tuple[float, ...], list[Stretch]] = defaultdict(list)
+    reversals, largest, epoch = [float(levels[0])], abs(float(levels[0])), 0
+    for (first, last), level in zip(pairwise(rows.tolist()), levels[1:].tolist(), strict=True):
+        start, sign = first, 1.0 if drive[last] > drive[first] else -1.0
+        while len(reversals) > 1 and sign * (level - reversals[-2]) >= 0.0:
+            is_past = sign * (drive[start:last] - reversals[-2]) >= 0.0
+            stop = start + int(np.argmax(is_past)) if is_past.any() else last
+            curves[sign, epoch, *reversals].append(slice(start, stop + 1))
+            start = stop
+            del reversals[-2:]
+        if reversals and epoch and start < last:
+            curves[sign, epoch, *reversals].append(slice(start, last + 1))
+        reversals.append(level)
+        if abs(level) >= largest - tolerance:
+            epoch += epoch == 0 or abs(level) > largest + tolerance
+            largest, reversals = max(largest, abs(level)), [level]
+    return [
+        long_stretches
+        for stretches in curves.values()
+        if len(long_stretches := [s for s in stretches if s.stop - s.start >= _MIN_SAMPLES]) > 1
+    ]
+
+
+def compare_states(drive: FloatArray, signals: FloatArray) -> tuple[FloatArray, int]:
+    """Return the differences of signals between equal states, and the number of independent ones.
+
+    ``signals`` has shape (signals, n), and the differences have shape (differences, signals). The
+    differences of one stretch are not independent; together, their weight is that of one.
+    """
+    span = float(np.ptp(drive))
+    levels = np.linspace(drive.min(), drive.max(), _INPUT_LEVELS + 2)[1:-1]
+    differences, count = [np.zeros((0, signals.shape[0]))], 0
+    for stretches in find_curves(drive):
+        curves = [_average_stretch(drive[rows], signals[:, rows]) for rows in stretches]
+        values = np.array([_interpolate(curve, levels) for curve in curves])
+        is_covered = np.isfinite(values[:, 0])
+        is_shared = np.count_nonzero(is_covered, axis=0) > 1
+        if is_shared.any():
+            shared = values[:, :, is_shared]
+            shared = shared - np.nanmean(shared, axis=0)
+            stretch_rows = [row[:, np.isfinite(row[0])] for row in shared]
+            stretch_rows = [row.T / row.shape[1] ** 0.5 for row in stretch_rows if row.size]
+            differences += stretch_rows
+            count += len(stretch_rows) - 1
+        for first, second in pairwise(stretches):
+            end, start = float(drive[first.stop - 1]), float(drive[second.start])
+            if abs(end - start) <= _MAX_END_DISTANCE * span:
+                inputs = 0.5 * (end + start)
+                ends = [_extrapolate(drive[rows], signals[:, rows], inputs, _END_SHARE * span) for rows in (first, second)]
+                differences.append((ends[1] - ends[0])[None, :] / 2.0**0.5)
+                count += 1
+    return np.concatenate(differences), count
+
+
+def _group_levels(values: FloatArray, tolerance: float) -> FloatArray:
+    """Return the values with the mean of its group instead of each value."""
+    grouped_values = np.array(values)
+    order = np.argsort(values)
+    start = 0
+    for index in range(1, order.size + 1):
+        if index == order.size or values[order[index]] - values[order[start]] > 2.0 * tolerance:
+            grouped_values[order[start:index]] = values[order[start:index]].mean()
+            start = index
+    return grouped_values
+
+
+def _average_stretch(drive: FloatArray, signals: FloatArray) -> FloatArray:
+    """Return the means of input and signals in bins of the input, ascending."""
+    low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
+    count = min(_BINS, drive.size)
+    bins = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
+    sizes = np.bincount(bins, minlength=count)
+    sums = np.array([np.bincount(bins, values, count) for values in (drive, *signals)])
+    return np.asarray(sums[:, sizes > 0] / sizes[sizes > 0])
+
+
+def _interpolate(curve: FloatArray, levels: FloatArray) -> FloatArray:
+    """Return the signals of an averaged stretch at input levels; NaN outside the stretch."""
+    return np.array([np.interp(levels, curve[0], values, np.nan, np.nan) for values in curve[1:]])
+
+
+def _extrapolate(drive: FloatArray, signals: FloatArray, level: float, window: float) -> FloatArray:
+    """Return the signals at an input at the end of a stretch, from a straight line through it."""
+    distance = drive - level
+    is_near = np.abs(distance) <= window
+    if np.count_nonzero(is_near) < _MIN_SAMPLES:
+        is_near = np.abs(distance) <= np.sort(np.abs(distance))[_MIN_SAMPLES - 1]
+    weights = np.vander(distance[is_near], 2)
+    return np.asarray(np.linalg.lstsq(weights, signals[:, is_near].T, rcond=None)[0][1])
