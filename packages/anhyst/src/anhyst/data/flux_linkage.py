@@ -185,7 +185,10 @@ def _fit_record(record: _Record) -> _Fit:
         residual_ratio = float(residual @ residual) / max(1, count + len(rests) - values.size + 1)
     half_rate_error = _integrate(clock[::2], loop.output[::2]) - record.volts[::2]
     return _Fit(
-        record, values, rows.T @ rows / max(1.0, residual_ratio), float(np.std(half_rate_error)) / _HALF_RATE_RATIO
+        record,
+        values,
+        rows.T @ rows / max(1.0, residual_ratio),
+        float(np.std(half_rate_error)) / _HALF_RATE_RATIO,
     )
 
 

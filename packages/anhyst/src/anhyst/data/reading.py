@@ -417,7 +417,9 @@ def _cut_into_loops(
         stated_history: History | None = description.histories.get(loop.label, description.history)
         loop = loop if stated_history is None else replace(loop, history=stated_history)
         if is_integrated:
-            loop, note = integrate_voltage(loop, has_resistance=headers[roles.output].quantity == QUANTITIES["voltage"])
+            loop, note = integrate_voltage(
+                loop, has_resistance=headers[roles.output].quantity == QUANTITIES["voltage"]
+            )
             remarks.append(note)
         loops.append(loop)
         without_history += [index] if stated_history is None and loop.history == SETTLED else []

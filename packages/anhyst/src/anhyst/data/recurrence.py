@@ -88,7 +88,10 @@ def compare_states(drive: FloatArray, signals: FloatArray) -> tuple[FloatArray, 
             end, start = float(drive[first.stop - 1]), float(drive[second.start])
             if abs(end - start) <= _MAX_END_DISTANCE * span:
                 inputs = 0.5 * (end + start)
-                ends = [_extrapolate(drive[rows], signals[:, rows], inputs, _END_SHARE * span) for rows in (first, second)]
+                ends = [
+                    _extrapolate(drive[rows], signals[:, rows], inputs, _END_SHARE * span)
+                    for rows in (first, second)
+                ]
                 differences.append((ends[1] - ends[0])[None, :] / 2.0**0.5)
                 count += 1
     return np.concatenate(differences), count

@@ -29,7 +29,15 @@ from anhyst.data.proposals import (
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import DRIVE_QUANTITIES, MASS_UNITS, QUANTITIES, QUANTITY_DIMENSIONS, Header, Quantity, parse_header
+from anhyst.support.units import (
+    DRIVE_QUANTITIES,
+    MASS_UNITS,
+    QUANTITIES,
+    QUANTITY_DIMENSIONS,
+    Header,
+    Quantity,
+    parse_header,
+)
 from anhyst.support.vocabulary import named_quantities, split_words
 
 _NO_SCHEDULE = "none"

@@ -509,6 +509,9 @@ def write_excitation(excitation: Excitation, rig: Path, out: Path) -> None:
     """Write measured loops, and the sidecar that states their history."""
     lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in excitation.notes)]
     histories = {loop.label: str(loop.history) for loop in excitation.loops.loops}
+    coil = excitation.specimen.coil
+    if excitation.loops.output.name == "sense_voltage" and coil is not None:
+        lines += ["", "[constants]", f"turns = {coil.turns:g}", f"sense_turns = {coil.sense_turns:g}"]
     lines += ["", "[history]"]
     lines += [f"{toml_key(label)} = {toml_value(history)}" for label, history in histories.items()]
     with atomic_writer(out.with_suffix(".toml")) as file:

@@ -19,7 +19,7 @@ from anhyst.data.path import History
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import QUANTITIES, Quantity
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.measuring import HeldMagnet
 from anhyst_rigs.study.excite.design import (
     Bound,
@@ -144,8 +144,8 @@ def measure_voltage(specimen: Specimen, progress: Progress | None = None) -> Exc
         probed_gaps.append(ProbedGap(gap, peak, float(np.abs(voltage).max()), 0.0, is_force_reached=True))
         if progress is not None:
             progress(number + 1, len(gaps))
-    symbol = "u" if specimen.coil.sense_turns is None else "u_sense"
-    names = QUANTITIES["current"], Quantity("voltage", symbol, "V"), QUANTITIES["gap"]
+    output = "voltage" if specimen.coil.sense_turns is None else "sense_voltage"
+    names = QUANTITIES["current"], QUANTITIES[output], QUANTITIES["gap"]
     notes = (*_describe_plan(specimen, record.history), *describe_restrictions(specimen, probed_gaps))
     specimen = replace(specimen, output="voltage")
     return Excitation(Loops(tuple(loops), *names), specimen, tuple(probed_gaps), log.history(), notes)
