@@ -27,6 +27,13 @@ from anhyst.identification.cell_problem import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default_search import CONVERGED_STOP, descend_from
 from anhyst.identification.fit_records import make_fit_records, read_rest_offsets
+from anhyst.identification.flux_force import (
+    DerivedForce,
+    ForceCalibration,
+    OutputName,
+    derive_force,
+    find_no_force_reason,
+)
 from anhyst.identification.model_building import make_model, make_response_form, valid_range
 from anhyst.identification.model_selection import MIN_SAMPLES_PER_PARAMETER, make_outcome, select_model
 from anhyst.identification.paper_search import check_splines
@@ -74,6 +81,8 @@ def identify(
     offsets: bool = True,
     dead_band: bool = True,
     rate: bool = True,
+    output: OutputName = "auto",
+    calibration: ForceCalibration | None = None,
     progress: Progress | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> IdentifyResult:
@@ -85,6 +94,8 @@ def identify(
     cpu_times: dict[str, float] = {}
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
+    derived, flux_warnings = _derive_wanted_force(loops, output, calibration, seed)
+    loops = loops if derived is None else derived.loops
     can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
     loops = spread_equal_times(loops) if can_fit_rate else loops
     speeds, delay_text = group_by_speed(loops) if can_fit_rate else None, ""
@@ -134,7 +145,7 @@ def identify(
     unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
     rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""
     notes = filter(None, (lag, delay_text or unclear_delay, rate_warning))
-    warnings = [*plausibility_warnings, *notes, *_warnings(loops, outcome)]
+    warnings = [*plausibility_warnings, *flux_warnings, *notes, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -153,6 +164,7 @@ def identify(
         "history": Counter(histories).most_common(1)[0][0],
         "valid": valid_range(loops),
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
+        "flux": None if derived is None else derived.flux,
     }
     model = replace(outcome.model, **common_records, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common_records)  # type: ignore[arg-type]
@@ -181,6 +193,23 @@ def identify(
         interrupted=outcome.is_interrupted,
         rejection=describe_resonance(loops) or explain_rejection(residual, loops),
     )
+
+
+def _derive_wanted_force(
+    loops: Loops, output: OutputName, calibration: ForceCalibration | None, seed: int
+) -> tuple[DerivedForce | None, tuple[str, ...]]:
+    """Return the force of loops of flux linkage if it is wanted, and warnings."""
+    reason = find_no_force_reason(loops)
+    is_required = output == "force" or calibration is not None
+    if output == "flux_linkage" or (loops.output.name == "force" and not is_required):
+        return None, ()
+    if reason and is_required:
+        raise InputError(reason, code="force-not-derived", key="output")
+    if reason:
+        is_flux = loops.output.name == "flux_linkage" and loops.input.name == "current"
+        return None, (f"no force: {reason}",) if is_flux else ()
+    derived = derive_force(loops, calibration or ForceCalibration(), seed)
+    return derived, derived.warnings
 
 
 def check_options(law: str, gap_map: str, search: str) -> None:

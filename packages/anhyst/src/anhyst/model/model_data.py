@@ -30,6 +30,7 @@ from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, EddyCircuit, Layers
+from anhyst.model.flux_map import FluxMap
 from anhyst.model.parameters import (
     CIRCUIT_SPECS,
     Circuit,
@@ -140,6 +141,7 @@ class ModelData:
     dynamics: Dynamics | None = None
     layers: Layers | None = None
     eddy_circuit: EddyCircuit | None = None
+    flux: FluxMap | None = None
 
     def __post_init__(self) -> None:
         parameters: dict[str, Parameter] = {}

@@ -92,7 +92,14 @@ def run_record(
     if model.dynamics is not None and model.dynamics.needs_time:
         clock = _require_times(time, inputs.size, "a lag or creep ([dynamics])")
         return _run_with_dynamics(model, kind, inputs, schedule, clock, as_history(history, model))
-    return _run_without_dynamics(model, kind, inputs, schedule, time, history)
+    result = _run_without_dynamics(model, kind, inputs, schedule, time, history)
+    if model.flux is None:
+        return result
+    gap = as_samples(
+        model.schedule_or_default(None) if schedule is None else schedule, "schedule", inputs.size
+    )
+    flux_linkage = np.copysign(model.flux.flux_linkage(result.output, gap), result.flux_density)
+    return replace(result, flux_linkage=flux_linkage)
 
 
 def _run_without_dynamics(

@@ -27,6 +27,7 @@ from anhyst.support.errors import InputError, NegativeResult, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, range_text
+from anhyst.support.units import QUANTITIES
 from anhyst.support.wording import word_for_reader
 
 if TYPE_CHECKING:
@@ -156,9 +157,13 @@ def run_file(
     model = resolve_model(model, direction)
     table = read_columns(source, columns, progress, scale, flip)
     history_option = history_text(model.history if history is None else history)
-    computed_values, is_valid, runs, warnings = _compute_runs(model, direction, table, history_option)
+    computed_values, flux_linkage, is_valid, runs, warnings = _compute_runs(
+        model, direction, table, history_option
+    )
     computed_quantity = model.output if direction == "predict" else model.input
-    name, computed_columns = _add_computed_columns(table, computed_quantity, computed_values, is_valid)
+    name, computed_columns = _add_computed_columns(
+        table, computed_quantity, computed_values, flux_linkage, is_valid
+    )
     if out is not None:
         write_csv(out, computed_columns)
     return RunSummary(
@@ -179,11 +184,13 @@ def run_file(
 
 def _compute_runs(
     model: Model, direction: Direction, table: DataTable, history: str
-) -> tuple[FloatArray, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
-    """Compute all runs of a table: results, their validity, the runs, and the warnings."""
+) -> tuple[FloatArray, FloatArray | None, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
+    """Compute all runs of a table: results, flux linkages, validity, the runs, and the warnings.
+
+    There are flux linkages after a prediction with a model whose force was derived from them.
+    """
     is_prediction, kind = direction == "predict", INPUT_KINDS[direction]
     quantity = model.input if is_prediction else model.output
-    values = table.require(_column_name(table, quantity), quantity.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     if schedule is None and model.schedule is not None:
         try:
@@ -194,10 +201,12 @@ def _compute_runs(
                 code=error.code,
                 key=error.key,
             ) from None
+    values = _read_inputs(model, direction, table, quantity, schedule)
     time = table.get("time") if model.needs_time else _read_measured(table, "time")
     runs = _find_runs(table, schedule, are_settled=history.startswith("settled"))
     histories = _find_histories(model, direction, table, runs, values, schedule, history)
     computed_values, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
+    flux_linkage = np.empty(values.size) if is_prediction and model.flux is not None else None
     notes: Counter[str] = Counter()
     for rows, history_before in zip(runs, histories, strict=True):
         run_schedule, clock = (None if column is None else column[rows] for column in (schedule, time))
@@ -214,6 +223,8 @@ def _compute_runs(
             raise error.with_location(f"{table.path}{location}") from error
         computed_values[rows] = result.output if is_prediction else result.drive
         reachable[rows] = result.reachable
+        if flux_linkage is not None and result.flux_linkage is not None:
+            flux_linkage[rows] = result.flux_linkage
         notes.update(result.notes)
     drive, output = (values, computed_values) if is_prediction else (computed_values, values)
     is_valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, time, runs)
@@ -222,7 +233,22 @@ def _compute_runs(
     lines += (
         [NESTED_LOOPS_NOTE] if any(history_before != histories[0] for history_before in histories) else []
     )
-    return computed_values, is_valid, runs, (*flags, *lines)
+    return computed_values, flux_linkage, is_valid, runs, (*flags, *lines)
+
+
+def _read_inputs(
+    model: Model, direction: Direction, table: DataTable, quantity: Quantity, schedule: FloatArray | None
+) -> FloatArray:
+    """Return the drive or the demand; a demanded flux linkage stands for its force."""
+    name = _column_name(table, quantity)
+    flux_name = QUANTITIES["flux_linkage"].name
+    if direction == "predict" or model.flux is None or table.get(name) is not None:
+        return table.require(name, quantity.column)
+    psi = table.get(flux_name)
+    if psi is None:
+        return table.require(name, f"{quantity.column} or {QUANTITIES['flux_linkage'].column}")
+    gaps = np.full(psi.size, model.schedule_or_default(None)) if schedule is None else schedule
+    return model.flux.force(psi, gaps)
 
 
 def _find_histories(
@@ -293,20 +319,31 @@ def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _add_computed_columns(
-    table: DataTable, quantity: Quantity, computed_quantity: FloatArray, is_valid: NDArray[np.bool_]
+    table: DataTable,
+    quantity: Quantity,
+    computed_quantity: FloatArray,
+    flux_linkage: FloatArray | None,
+    is_valid: NDArray[np.bool_],
 ) -> tuple[str, dict[str, Any]]:
     """Return the header of the computed column, and all columns including computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
-    name, flag_name = quantity.column, "valid"
-    if name in columns:  # keep the measured column for comparison
-        name = f"{quantity.symbol}_model{quantity.column.removeprefix(quantity.symbol)}"
-    if flag_name in columns:
-        flag_name = "valid_model"
-    if name in columns or flag_name in columns:
-        duplicate_name = name if name in columns else flag_name
-        text = f"{table.path}: already has a column '{duplicate_name}'; rename it in the file"
-        raise InputError(text, code="exists-already", key=duplicate_name)
-    return name, columns | {name: computed_quantity, flag_name: is_valid}
+    name = _free_header(columns, quantity)
+    added: dict[str, Any] = {name: computed_quantity}
+    if flux_linkage is not None:
+        added[_free_header(columns, QUANTITIES["flux_linkage"])] = flux_linkage
+    added["valid_model" if "valid" in columns else "valid"] = is_valid
+    for header in added:
+        if header in columns:
+            text = f"{table.path}: already has a column '{header}'; rename it in the file"
+            raise InputError(text, code="exists-already", key=header)
+    return name, columns | added
+
+
+def _free_header(columns: Mapping[str, Any], quantity: Quantity) -> str:
+    """Return the header of a computed quantity, next to a measured one if there is one."""
+    if quantity.column not in columns:
+        return quantity.column
+    return f"{quantity.symbol}_model{quantity.column.removeprefix(quantity.symbol)}"
 
 
 def _compute_deviation(

@@ -18,7 +18,7 @@ from anhyst.model.schema import ValidRange
 from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, length_scale, range_text, thinning_slice
-from anhyst.support.units import QUANTITY_DIMENSIONS, UNITS, Quantity
+from anhyst.support.units import QUANTITIES, QUANTITY_DIMENSIONS, UNITS, Quantity
 from anhyst.support.wording import count_text
 
 if TYPE_CHECKING:
@@ -229,6 +229,8 @@ class Prediction(Result):
         Sentences about samples outside the valid range, and about assumptions.
     quantities : tuple of Quantity
         Quantities of `drive` and `output`.
+    flux_linkage : ndarray or None
+        Flux linkage of the coil, Wb, if the force was derived from it.
     """
 
     drive: FloatArray
@@ -243,6 +245,7 @@ class Prediction(Result):
     flags: tuple[str, ...]
     notes: tuple[str, ...]
     quantities: tuple[Quantity, Quantity]
+    flux_linkage: FloatArray | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -263,9 +266,11 @@ class Prediction(Result):
     def to_columns(self) -> dict[str, Any]:
         """Return the samples, SI."""
         drive, output_quantity = self.quantities
+        has_flux = self.flux_linkage is not None
         return {
             drive.column: self.drive,
             output_quantity.column: self.output,
+            **({QUANTITIES["flux_linkage"].column: self.flux_linkage} if has_flux else {}),
             "iron_B_T": self.flux_density,
             "iron_H_A_per_m": self.field,
             "valid": self.valid,

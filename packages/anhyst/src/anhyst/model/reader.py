@@ -268,6 +268,7 @@ class _Reader:
             dynamics=dynamics,
             layers=layers,
             eddy_circuit=eddy_circuit,
+            flux=table.flux,
         )
         with self._collect_table_error("parameters"):
             for node in model.nodes if model.needs_fixed_gap else (None,):

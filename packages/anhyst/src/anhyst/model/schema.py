@@ -22,21 +22,19 @@ from anhyst.data.output_map import full_scale, output_map
 from anhyst.data.verdict import largest_output
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
+from anhyst.model.flux_map import FluxMap
 from anhyst.model.parameters import parameter_specs
 from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.toml_file import TUPLE_FROM_LIST, FileRecord, Table
+from anhyst.support.toml_file import TUPLE_FROM_LIST, FileRecord, FiniteNumber, Numbers, Table, Texts
 from anhyst.support.units import Quantity
 
 OUTPUT_UNIT_MARK = object()
 """Annotation of fields in units of the output, whose key in the file contains that unit."""
 
-FiniteNumber = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Output = Annotated[FiniteNumber, OUTPUT_UNIT_MARK]
 Whole = Annotated[int, Strict()]
 Truth = Annotated[bool, Strict()]
 Range = Annotated[tuple[FiniteNumber, FiniteNumber], TUPLE_FROM_LIST]
-Numbers = Annotated[tuple[FiniteNumber, ...], TUPLE_FROM_LIST]
-Texts = Annotated[tuple[str, ...], TUPLE_FROM_LIST]
 Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], TUPLE_FROM_LIST]
 """Numbers that may be infinite."""
 
@@ -323,6 +321,7 @@ class ModelTable(Table):
     dynamics: DynamicsTable | None = None
     layers: LayersTable | None = None
     eddy_circuit: EddyCircuitTable | None = None
+    flux: FluxMap | None = None
     valid: ValidRange | None = None
     fit: FitFigures | None = None
     uncertainty: Uncertainty | None = None
@@ -405,6 +404,22 @@ def section_names(
         ("eddy_circuit",): {
             "delay": ("delay", column("delay", "s")),
             "excess": ("excess", column("excess", "A/m")),
+        },
+        ("flux",): {
+            name: (name, column(name, unit))
+            for name, unit in (
+                ("pole", "Wb_m/A"),
+                ("fringe", "Wb/A"),
+                ("gap_zero", "m"),
+                ("leakage", "Wb/A"),
+                ("leakage_slope", "Wb/A_m"),
+                ("leakage_gap", "m"),
+                ("armature_knots", "Wb"),
+                ("armature_weights", "A/Wb2"),
+                ("largest_flux", "Wb"),
+                ("zeros", "Wb"),
+                ("drifts", "Wb"),
+            )
         },
         ("valid",): ranges,
         ("fit",): deviations,

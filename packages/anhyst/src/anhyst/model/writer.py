@@ -61,6 +61,12 @@ EDDY_CIRCUIT_COMMENT = """
 # Eddy currents of iron with a uniform field: the fraction of gamma in a ring with leakage flux, the
 # delay of the flux inside the ring, and the excess field at a rate of the flux density of 1 T/s.
 """
+FLUX_COMMENT = """
+# Flux linkage of the coil, from which the force was derived: permeance of the gap x and of the leakage
+# path, pole/(x + gap_zero) + fringe and leakage + leakage_slope*(x - leakage_gap), the curve of the
+# saturating armature, sum of weight*max(flux - knot, 0)^2, and the uncertainty of the derived force,
+# relative to the largest force, that about nine of ten magnets do not exceed.
+"""
 VALID_COMMENT = """
 # Smallest and largest measured values, and the fastest change of the input if the loops have times.
 # Outside, or 1.5 times as fast, results are computed and flagged.
@@ -128,6 +134,8 @@ def model_text(model: ModelData) -> str:
     if circuit := model.eddy_circuit:
         table = {"leaky": circuit.leaky, "delay_s": circuit.delay, "excess_A_per_m": circuit.excess}
         sections.append(f"{EDDY_CIRCUIT_COMMENT}[eddy_circuit]\n" + _keys_text(table))
+    if model.flux:
+        sections.append(f"{FLUX_COMMENT}[flux]\n" + _record_text(model.flux, names["flux",]))
     if model.valid:
         sections.append(f"{VALID_COMMENT}[valid]\n" + _record_text(model.valid, names["valid",]))
     if model.fit:

@@ -82,6 +82,10 @@ class _TupleFromList:
 TUPLE_FROM_LIST = _TupleFromList()
 """Annotation of a tuple field of a record: the file contains a list."""
 
+FiniteNumber = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Numbers = Annotated[tuple[FiniteNumber, ...], TUPLE_FROM_LIST]
+Texts = Annotated[tuple[str, ...], TUPLE_FROM_LIST]
+
 T = TypeVar("T", bound=Table)
 
 

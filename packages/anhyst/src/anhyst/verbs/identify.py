@@ -20,6 +20,8 @@ PROGRESS = "searching"
 
 GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
 """Gap maps, or ``auto``: the map with the smallest error at withheld gaps."""
+Output = Literal["auto", "force", "flux_linkage"]
+"""Output of a model that was identified from loops of flux linkage."""
 Weights = Literal["loops", "points", "relative"]
 """Weights of the cost: equal for all loops, equal for all samples, or each loop relative to its
 largest output."""
@@ -39,6 +41,10 @@ def identify(
     offsets: bool = True,
     dead_band: bool = True,
     rate: bool = True,
+    output: Output = "auto",
+    force_at: PathLike | Any = None,
+    pole_area: float | None = None,
+    turns: float | None = None,
     progress: Progress | None = None,
     checkpoint: PathLike | None = None,
     **reading: Any,
@@ -47,6 +53,9 @@ def identify(
 
     All loops at all gaps are fitted together. The model file contains the parameters with units,
     the valid range, the fit figures, the uncertainty and the origin.
+
+    Without a force sensor, give loops of flux linkage over current at three gaps or more. The force
+    follows from the energy balance of the magnetic circuit, and its uncertainty is stated.
 
     Exit code 1: the model file is written, but the model must not be used. Either its rms deviation
     exceeds 5 % of full scale and is not noise, or its force does not rise everywhere as the gap
@@ -84,6 +93,18 @@ def identify(
     rate : bool
         If the loops have several speeds, fit the eddy-current lag of solid iron, or treat all loops
         as quasi-static.
+    output : str, ``WHAT``
+        Output of the model for loops of flux linkage: 'force', derived from the energy balance,
+        'flux_linkage', or 'auto': the force if there are three gaps or more.
+    force_at : path-like, data frame or dict, ``FILE``, optional
+        CSV file with static forces at constant currents, columns I_A, gap_m, F_N, which calibrate a
+        derived force; best at the smallest gap and the largest current. The weight of the armature
+        at lift-off is such a force.
+    pole_area : float, ``M2``, optional
+        Area of flat pole faces, m^2, known to 5 %; it calibrates a derived force. For two pole
+        faces in series, give half of the area of one.
+    turns : float, ``N``, optional
+        Turns of the coil, with `pole_area`.
     progress : callable, optional
         Called with the number of stages done and the total.
     checkpoint : path-like, optional, only in Python
@@ -116,12 +137,14 @@ def identify(
     from anhyst.data.loops import Loops
     from anhyst.data.source import load_loops
     from anhyst.data.table import check_source, is_data_frame
+    from anhyst.identification.flux_force import read_calibration
     from anhyst.identification.identify import check_options
     from anhyst.identification.identify import identify as work
     from anhyst.support.atomic import check_writable
     from anhyst.support.jobs import split_progress
 
     check_options(law, gap_map, search)
+    calibration = read_calibration(force_at, pole_area, turns)
     if out is not None:
         files: Any = None if isinstance(loops, Loops) or is_data_frame(loops) else loops
         if files is not None:
@@ -133,7 +156,8 @@ def identify(
     loaded_loops, options = load_loops(loops, "identify: loops", reading, progress=reading_progress)
     result = work(
         loaded_loops, law=law, gap_map=gap_map, search=search, seed=seed, weights=weights,
-        offsets=offsets, dead_band=dead_band, rate=rate, progress=fit_progress, checkpoint=checkpoint,
+        offsets=offsets, dead_band=dead_band, rate=rate, output=output, calibration=calibration,
+        progress=fit_progress, checkpoint=checkpoint,
     )  # fmt: skip
     if options is not None:
         result = replace(result, model=result.model.with_read_options(options))
@@ -210,6 +234,15 @@ def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[Outpu
     yield from _list_offsets(model)
     if dead_band := settings.get("dead_band"):
         yield f"dead band: {dead_band}"
+    if model.flux is not None:
+        mean, worst = (
+            100.0 * (value or 0.0) for value in (model.flux.mean_uncertainty, model.flux.worst_uncertainty)
+        )
+        yield (
+            f"force derived from the flux linkage: uncertain by {mean:.2g} % in the mean and {worst:.2g} % "
+            "at worst, of the largest force"
+        )
+        yield from model.flux.assumptions
     if rate_text := settings.get("rate"):
         yield f"rate: {rate_text}"
     for reduction_step in model.reduction:

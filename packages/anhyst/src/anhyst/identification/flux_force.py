@@ -1,0 +1,241 @@
+"""Derive the force of a magnet from loops of flux linkage over current at several gaps.
+
+A flux circuit is fitted to the loops. Its energy balance gives the force of every measured sample,
+so the hysteresis of the force is that of the measured flux linkage. The model of the force is then
+identified from these loops of force as from measured ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from anhyst.data.loops import Loops
+from anhyst.data.table import check_source, read_columns
+from anhyst.identification.flux_circuit import (
+    PRIORS,
+    CircuitFit,
+    ForceReading,
+    Knowledge,
+    PoleArea,
+    fit_circuit,
+)
+from anhyst.identification.flux_records import prepare_records
+from anhyst.model.flux_map import FluxMap, elapsed_fraction
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import MU_0, QUANTITIES
+from anhyst.support.wording import count_text
+
+OutputName = Literal["auto", "force", "flux_linkage"]
+
+MIN_GAPS = 3
+"""Minimum number of gaps. With two gaps, the law of the reluctance over the gap stays unknown."""
+
+_READING_SIGMA = 0.005, 0.002
+"""Standard deviation of a force reading, relative to the reading and to the largest force."""
+
+_LARGEST_CONTRADICTION = 0.15
+"""Largest deviation of a force reading from the force that the flux gives, relative to it."""
+
+_AREA_SIGMA = 0.05
+"""Relative standard deviation of the permeance of a pole from its drawing."""
+
+_NEGLIGIBLE_DRIFT = 5e-4
+
+_REPEATED_FITS = 12
+_LEVELS = 12
+_MEAN_FACTOR = 1.0
+_WORST_FACTOR = 1.0
+
+
+@dataclass(frozen=True)
+class ForceCalibration:
+    """What is known about the force besides the flux linkage; each item is optional."""
+
+    readings: tuple[ForceReading, ...] = ()
+    pole: PoleArea | None = None
+
+
+def read_calibration(
+    force_at: PathLike | Any, pole_area: float | None, turns: float | None
+) -> ForceCalibration | None:
+    """Return the calibration of the command line or of Python; None if nothing is given."""
+    if (pole_area is None) is not (turns is None):
+        text = "pole_area and turns belong together; give both or neither"
+        raise InputError(text, code="options-missing", key="pole_area")
+    for name, value in (("pole_area", pole_area), ("turns", turns)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name}: is {value:g}; it must be above 0", code="not-above-zero", key=name)
+    pole = None if pole_area is None or turns is None else PoleArea(pole_area, turns)
+    readings: tuple[ForceReading, ...] = ()
+    if force_at is not None:
+        check_source(force_at, "identify: force_at", "a file, a data frame or a dict of arrays")
+        table = read_columns(force_at)
+        columns = [
+            np.abs(table.require(name, QUANTITIES[name].column)) for name in ("current", "gap", "force")
+        ]
+        readings = tuple(ForceReading(*map(float, row)) for row in zip(*columns, strict=True))
+    return None if pole is None and not readings else ForceCalibration(readings, pole)
+
+
+@dataclass(frozen=True)
+class DerivedForce:
+    """Loops of force, and the relation of flux linkage and force."""
+
+    loops: Loops
+    flux: FluxMap
+    warnings: tuple[str, ...]
+
+
+def find_no_force_reason(loops: Loops) -> str:
+    """Return why no force can be derived from loops; empty if it can."""
+    if (loops.input.name, loops.output.name) != ("current", "flux_linkage"):
+        return "the force is derived only from loops of flux linkage over current"
+    count = len(loops.schedule_values)
+    if loops.schedule is None or loops.schedule.name != "gap" or count < MIN_GAPS:
+        gap_text = count_text(count, "gap") if loops.schedule is not None else "no column of the gap"
+        return f"{gap_text}: the force needs loops at {MIN_GAPS} gaps or more, best from the smallest to the largest"
+    return ""
+
+
+def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> DerivedForce:
+    """Fit the flux circuit, and return the loops of force."""
+    loops.by_schedule()  # refuses moving gaps
+    first_fit = fit_circuit(prepare_records(loops))
+    drifts = first_fit.drifts * first_fit.records.scales[1]
+    records = prepare_records(_remove_drift(loops, drifts))
+    fit, knowledge = fit_circuit(records), Knowledge()
+    if calibration.readings or calibration.pole is not None:
+        readings = _check_readings(calibration.readings, fit)
+        knowledge = Knowledge(tuple(readings), _normalise_pole(calibration.pole, fit))
+        fit = fit_circuit(records, knowledge, (fit.parameters,))
+    drifts = drifts + fit.drifts * records.scales[1]
+    mean, worst = estimate_uncertainty(fit, knowledge, np.random.default_rng(seed))
+    flux = replace(
+        fit.in_si(fit.circuit),
+        mean_uncertainty=mean,
+        worst_uncertainty=worst,
+        zeros=tuple(fit.zeros.tolist()),
+        drifts=tuple(drifts.tolist()),
+        assumptions=_assumptions(fit, calibration, float(np.abs(drifts).max()) / records.scales[1]),
+    )
+    return DerivedForce(flux.force_loops(loops), flux, _warnings(fit))
+
+
+def _remove_drift(loops: Loops, drifts: FloatArray) -> Loops:
+    """Return loops without the drift of each record, Wb."""
+    return loops.with_loops(
+        replace(loop, output=loop.output - drift * elapsed_fraction(loop))
+        for loop, drift in zip(loops.loops, drifts.tolist(), strict=True)
+    )
+
+
+def _force_scale(fit: CircuitFit) -> float:
+    """Return the force of 1 in normalised units, N."""
+    current, flux, gap = fit.records.scales
+    return current * flux / gap
+
+
+def _normalise_pole(pole: PoleArea | None, fit: CircuitFit) -> tuple[float, float] | None:
+    if pole is None:
+        return None
+    current, flux, gap = fit.records.scales
+    permeance = MU_0 * pole.turns**2 * pole.area
+    return float(np.log(permeance * current / (flux * gap))), _AREA_SIGMA
+
+
+def _check_readings(
+    readings: Sequence[ForceReading], fit: CircuitFit
+) -> list[tuple[float, float, float, float]]:
+    """Return normalised readings; a reading that contradicts the flux raises an error."""
+    current_scale, _, gap_scale = fit.records.scales
+    largest = float(_forces(fit.circuit, fit).max())
+    rows = []
+    for reading in readings:
+        gap, force = reading.gap / gap_scale, reading.force / _force_scale(fit)
+        flux = fit.flux_at(reading.current / current_scale, gap)
+        derived = float(fit.circuit.force(np.array([flux]), np.array([gap]))[0])
+        if abs(force - derived) > _LARGEST_CONTRADICTION * derived:
+            raise InputError(
+                f"force reading of {reading.force:g} N at {reading.current:g} A and {1e3 * reading.gap:g} mm: "
+                f"the flux linkage gives {derived * _force_scale(fit):.4g} N; check the units, the gap and the "
+                "turns of the coil",
+                code="reading-contradicts",
+                key="force_at",
+            )
+        rows.append((flux, gap, force, _READING_SIGMA[0] * force + _READING_SIGMA[1] * largest))
+    return rows
+
+
+def _forces(circuit: FluxMap, fit: CircuitFit) -> FloatArray:
+    """Return normalised forces at levels of the flux linkage and gaps; shape (gaps, levels)."""
+    rows = []
+    gaps = fit.records.gaps
+    for gap in np.geomspace(max(gaps[0], 0.05 * gaps[-1]), gaps[-1], 2 * gaps.size - 1):
+        nearest = fit.records.gap == gaps[np.abs(gaps - gap).argmin()]
+        flux = np.linspace(0.0, fit.records.flux[nearest].max(), _LEVELS + 1)[1:]
+        rows.append(circuit.force(flux, np.full(flux.size, gap)))
+    return np.array(rows)
+
+
+def estimate_uncertainty(
+    fit: CircuitFit, knowledge: Knowledge, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Return the uncertainty of the force, mean and worst, relative to the largest force.
+
+    The fit is repeated with deviations whose signs are drawn for each ramp, and with drawn means of
+    the priors. The scatter of the forces is multiplied by a factor that was found on virtual
+    magnets.
+    """
+    records, reference = fit.records, _forces(fit.circuit, fit)
+    ramps = np.cumsum(np.diff(np.sign(np.diff(records.current, append=0.0)), prepend=0.0) != 0.0)
+    errors = []
+    for _ in range(_REPEATED_FITS):
+        signs = rng.choice([-1.0, 1.0], ramps.max() + 1)[ramps] - 1.0
+        current = records.current + signs * fit.deviations / records.weight
+        drawn_knowledge = replace(
+            knowledge,
+            prior_shifts=rng.standard_normal(PRIORS),
+            readings=tuple(
+                (flux, gap, force + sigma * rng.standard_normal(), sigma)
+                for flux, gap, force, sigma in knowledge.readings
+            ),
+        )
+        repeated = fit_circuit(replace(records, current=current), drawn_knowledge, (fit.parameters,))
+        errors.append((_forces(repeated.circuit, fit) - reference) / reference.max())
+    scatter = np.sqrt(np.mean(np.square(errors), axis=0))
+    return _MEAN_FACTOR * float(scatter.mean()), _WORST_FACTOR * float(scatter.max())
+
+
+def _assumptions(fit: CircuitFit, calibration: ForceCalibration, drift: float) -> tuple[str, ...]:
+    """Return what the force is based on, one sentence each."""
+    gap_count = fit.records.gaps.size
+    texts = [
+        f"The force follows from the energy balance of the flux linkage at {gap_count} gaps.",
+        "The current is slow enough that eddy currents do not matter.",
+        "The same gap sensor is used for the loops and later.",
+    ]
+    if drift > _NEGLIGIBLE_DRIFT:
+        texts.append(f"A drift of up to {100.0 * drift:.2g} % of the largest flux linkage was removed.")
+    if calibration.readings:
+        texts.append(f"Calibrated with {count_text(len(calibration.readings), 'force reading')}.")
+    if calibration.pole is not None:
+        texts.append("The area of the pole is known to 5 %.")
+    return tuple(texts)
+
+
+def _warnings(fit: CircuitFit) -> tuple[str, ...]:
+    warnings = []
+    if fit.records.zero_slope.any():
+        warnings.append(
+            "the flux linkage starts at zero although the iron was not demagnetised: its remanence was "
+            "estimated, and small forces are uncertain; demagnetise the iron before the record, or drive "
+            "the current in both directions"
+        )
+    return tuple(warnings)

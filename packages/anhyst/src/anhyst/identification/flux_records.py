@@ -1,0 +1,175 @@
+"""Prepare loops of flux linkage for the fit of a flux circuit.
+
+Each ramp between reversals is smoothed and thinned. Stop operators over the flux linkage represent
+the hysteresis of the yoke. All quantities are normalised: currents by the largest current, flux
+linkages by the largest flux linkage, and gaps by the geometric mean of the outermost gaps.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.path import find_turning_points, is_bipolar
+from anhyst.model.flux_map import elapsed_fraction
+from anhyst.support.numeric import FloatArray
+
+RAMP_SAMPLES = 24
+"""Number of samples of a ramp between two reversals after thinning."""
+
+_SMOOTHED_SAMPLES = 11
+"""Number of samples of the window that smooths a ramp."""
+
+_SMALLEST_WINDOW = 5
+
+STOP_THRESHOLDS = np.array([0.004, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6])
+"""Thresholds of the stop operators, relative to the largest flux linkage."""
+
+_SLOPE_BINS = 16
+_MIN_SLOPE = 0.02
+"""Smallest weight of a sample, as slope of flux linkage over current in normalised units."""
+
+_MAX_REST_CURRENT = 0.03
+"""Largest magnitude of a current at rest, relative to the largest current."""
+
+_MAX_ZERO_REMANENCE = 0.003
+"""Largest flux linkage at rest, relative to the largest, of an integral that started at zero."""
+
+
+@dataclass(frozen=True)
+class FluxRecords:
+    """All samples of the loops, one after the other, normalised; shape (n,)."""
+
+    current: FloatArray
+    flux: FloatArray
+    gap: FloatArray
+    weight: FloatArray  # slope of flux linkage over current, so that errors count as flux linkage
+    stops: FloatArray  # states of the stop operators, shape (n, stops)
+    record: NDArray[np.intp]  # index of the loop of each sample
+    scales: tuple[float, float, float]  # largest current, A, and flux linkage, Wb; middle gap, m
+    # slope of flux linkage over current at rest, in loops whose zero of the flux is unknown; else 0
+    zero_slope: FloatArray
+    elapsed: FloatArray  # fraction of the record's duration
+
+    def without_gap(self, gap: float) -> FluxRecords:
+        """Return the records without those at one normalised gap."""
+        kept = self.gap != gap
+        arrays = {
+            name: getattr(self, name)[kept]
+            for name in ("current", "flux", "gap", "weight", "stops", "record", "zero_slope", "elapsed")
+        }
+        return replace(self, **arrays)
+
+    @cached_property
+    def gaps(self) -> FloatArray:
+        """The normalised gaps, ascending."""
+        return np.unique(self.gap)
+
+
+def prepare_records(loops: Loops) -> FluxRecords:
+    """Return the samples of loops of flux linkage at constant gaps."""
+    current_scale = max(float(np.abs(loop.input).max()) for loop in loops.loops)
+    flux_scale = max(float(np.abs(loop.output).max()) for loop in loops.loops)
+    gaps = loops.schedule_values
+    gap_scale = math.sqrt(max(gaps[0], 0.1 * gaps[-1]) * gaps[-1])
+    columns = []
+    for index, loop in enumerate(loops.loops):
+        current, flux, elapsed = _smooth_ramps(loop)
+        current, flux = current / current_scale, flux / flux_scale
+        before = _flux_before(loop, current, flux, current_scale)
+        size, slope = current.size, _mean_slope(current, flux)
+        zero_slope = slope[np.abs(current).argmin()] if starts_at_unknown_flux(loop) else 0.0
+        columns.append(
+            (
+                current,
+                flux,
+                np.full(size, float(loop.schedule_value or 0.0) / gap_scale),
+                slope,
+                _move_stops(np.concatenate([before, flux]))[before.size :],
+                np.full(size, index),
+                np.full(size, zero_slope),
+                elapsed,
+            )
+        )
+    current, flux, gap, weight, stops, record, zero_slope, elapsed = map(
+        np.concatenate, zip(*columns, strict=True)
+    )
+    scales = current_scale, flux_scale, gap_scale
+    return FluxRecords(current, flux, gap, weight, stops, record, scales, zero_slope, elapsed)
+
+
+def starts_at_unknown_flux(loop: Loop) -> bool:
+    """Whether a loop looks like an integral of the voltage that started at an unknown remanence.
+
+    Without demagnetisation and with one sign of the current, iron keeps a remanent flux. A record
+    that returns to no flux at rest has lost it.
+    """
+    if loop.history.kind == "demagnetised" or is_bipolar(loop.input):
+        return False
+    is_at_rest = np.abs(loop.input) <= _MAX_REST_CURRENT * np.abs(loop.input).max()
+    if not is_at_rest.any():
+        return False
+    rest_flux = float(np.median(loop.output[is_at_rest]))
+    return abs(rest_flux) <= _MAX_ZERO_REMANENCE * float(np.abs(loop.output).max())
+
+
+def _smooth_ramps(loop: Loop) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Smooth the ramps between reversals by local parabolas, and thin them; also return the time."""
+    from scipy.signal import savgol_filter  # imported here because SciPy loads slowly
+
+    reversals, elapsed = find_turning_points(loop.input), elapsed_fraction(loop)
+    parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    for start, stop in pairwise(reversals.tolist()):
+        size = stop - start + 1
+        ramp = [column[start : stop + 1] for column in (loop.input, loop.output)]
+        window = min(_SMOOTHED_SAMPLES, size - 1 + size % 2)
+        if window >= _SMALLEST_WINDOW:
+            ramp = [savgol_filter(column, window, 2, mode="interp") for column in ramp]
+        rows = np.unique(np.linspace(0, size - 1, min(size, RAMP_SAMPLES)).round().astype(np.intp))
+        rows = rows[1:] if parts else rows
+        parts.append((ramp[0][rows], ramp[1][rows], elapsed[start : stop + 1][rows]))
+    current, flux, time = map(np.concatenate, zip(*parts, strict=True))
+    return current, flux, time
+
+
+def _flux_before(loop: Loop, current: FloatArray, flux: FloatArray, current_scale: float) -> FloatArray:
+    """Return the flux linkages at the reversals before a record, estimated from the record itself."""
+    if loop.history.kind == "demagnetised":
+        return np.zeros(0)
+    points = np.array(loop.history.turning_points) / current_scale
+    if not points.size:
+        points = np.array([current.max(), current[0], current.max()])
+    order = np.argsort(current)
+    estimated = np.interp(points, current[order], flux[order])
+    is_tip = np.abs(points - current.max()) <= _MAX_REST_CURRENT
+    is_start = np.abs(points - current[0]) <= _MAX_REST_CURRENT
+    return np.where(is_tip, flux[current.argmax()], np.where(is_start, flux[0], estimated))
+
+
+def _mean_slope(current: FloatArray, flux: FloatArray) -> FloatArray:
+    """Return the slope of the middle of a loop at each sample."""
+    edges = np.linspace(current.min(), current.max(), _SLOPE_BINS + 1)
+    bins = np.clip(np.digitize(current, edges) - 1, 0, _SLOPE_BINS - 1)
+    counts = np.bincount(bins, minlength=_SLOPE_BINS)
+    is_filled = counts > 0
+    mean_current, mean_flux = (
+        np.bincount(bins, column, _SLOPE_BINS)[is_filled] / counts[is_filled] for column in (current, flux)
+    )
+    slope = np.gradient(np.maximum.accumulate(mean_flux), mean_current)
+    return np.asarray(np.maximum(np.interp(current, mean_current, slope), _MIN_SLOPE))
+
+
+def _move_stops(flux: FloatArray) -> FloatArray:
+    """Return the states of the stop operators, zero before the first sample; shape (n, stops)."""
+    states = np.empty((flux.size, STOP_THRESHOLDS.size))
+    state = np.zeros(STOP_THRESHOLDS.size)
+    for row, step in enumerate(np.diff(flux, prepend=0.0)):
+        state = np.clip(state + step, -STOP_THRESHOLDS, STOP_THRESHOLDS)
+        states[row] = state
+    return states
