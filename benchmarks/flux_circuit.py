@@ -84,6 +84,7 @@ class Magnet:
     branches: tuple[Branch, ...]
     leakage: Permeance
     pole_area: float  # m^2
+    gap_count: int  # number of equal gaps in series
     largest_force: float = 0.0  # at the largest current and the smallest gap, N
 
     @property
@@ -94,58 +95,73 @@ class Magnet:
             [self.yoke_length * self.yoke_area, *(branch.length * branch.area for branch in irons)]
         )
 
+    @property
+    def single_gap_area(self) -> float:
+        """Cross-section of a single gap with the permeance of all gaps in series, m^2."""
+        return self.pole_area / self.gap_count
+
+    def start(self) -> RunningMagnet:
+        """Return the demagnetised magnet."""
+        return RunningMagnet(self)
+
     def run(self, current: FloatArray, gap: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return flux linkage, Wb, and force, N, along a path from the demagnetised state."""
-        states = self.run_states(current, gap)
+        states = self.start().run(current, gap)
         return states.psi, states.force
 
-    def run_states(self, current: FloatArray, gap: FloatArray | float) -> States:
-        """Return all states along a path from the demagnetised state."""
-        yoke = self.make_yoke()
-        branches = [_RunningBranch(branch) for branch in self.branches]
+
+class RunningMagnet:
+    """A magnet with the states of its irons."""
+
+    def __init__(self, magnet: Magnet) -> None:
+        self._magnet = magnet
+        self._yoke = magnet.make_yoke()
+        self._branches = [_RunningBranch(branch) for branch in magnet.branches]
+
+    def run(self, current: FloatArray, gap: FloatArray | float) -> States:
+        """Return all states along a path."""
         currents = np.asarray(current, dtype=float)
         gaps = np.broadcast_to(np.asarray(gap, dtype=float), currents.shape)
+        turns = self._magnet.turns
         steps = [
-            self._step(yoke, branches, self.turns * excitation, distance)
+            self._step(turns * excitation, distance)
             for excitation, distance in zip(currents.tolist(), gaps.tolist(), strict=True)
         ]
         flux, force, energy = np.array([step[:3] for step in steps]).T
         fields, densities = np.array([step[3:] for step in steps]).transpose(1, 0, 2)
-        return States(self.turns * flux, force, energy, fields, densities)
+        return States(turns * flux, force, energy, fields, densities)
 
-    def _step(
-        self, yoke: Iron, branches: list[_RunningBranch], excitation: float, gap: float
-    ) -> tuple[float, float, float, list[float], list[float]]:
+    def _step(self, excitation: float, gap: float) -> tuple[float, float, float, list[float], list[float]]:
         """Move to an excitation, A, and a gap; return flux, force, energy, fields and densities."""
-        leakage, leakage_slope = self.leakage(gap)
-        permeances = [running.branch.gap(gap) for running in branches]
+        yoke, yoke_length, yoke_area = self._yoke, self._magnet.yoke_length, self._magnet.yoke_area
+        leakage, leakage_slope = self._magnet.leakage(gap)
+        permeances = [running.branch.gap(gap) for running in self._branches]
         reluctances = [
             running.branch.fixed_reluctance + 1.0 / permeance
-            for running, (permeance, _) in zip(branches, permeances, strict=True)
+            for running, (permeance, _) in zip(self._branches, permeances, strict=True)
         ]
 
         def find_excess(trial: float) -> tuple[float, float]:
             density, slope = yoke.find_density(trial)
-            drop = excitation - self.yoke_length * trial
+            drop = excitation - yoke_length * trial
             solved = [
                 running.solve(drop, reluctance)
-                for running, reluctance in zip(branches, reluctances, strict=True)
+                for running, reluctance in zip(self._branches, reluctances, strict=True)
             ]
             outer_flux = leakage * drop + sum(flux for flux, _ in solved)
             outer_slope = leakage + sum(slope for _, slope in solved)
-            return (
-                self.yoke_area * density - outer_flux,
-                self.yoke_area * slope + self.yoke_length * outer_slope,
-            )
+            return yoke_area * density - outer_flux, yoke_area * slope + yoke_length * outer_slope
 
-        solved_field = find_root(find_excess, yoke.field, 2.0 * abs(excitation) / self.yoke_length + 1e5)
-        drop = excitation - self.yoke_length * solved_field
-        flux = self.yoke_area * yoke.find_density(solved_field)[0]
+        solved_field = find_root(find_excess, yoke.field, 2.0 * abs(excitation) / yoke_length + 1e5)
+        drop = excitation - yoke_length * solved_field
+        flux = yoke_area * yoke.find_density(solved_field)[0]
         force = -0.5 * drop * drop * leakage_slope
         energy = 0.5 * drop * drop * leakage
-        fields, densities = [solved_field], [flux / self.yoke_area]
+        fields, densities = [solved_field], [flux / yoke_area]
         yoke.commit(solved_field)
-        for running, reluctance, (permeance, slope) in zip(branches, reluctances, permeances, strict=True):
+        for running, reluctance, (permeance, slope) in zip(
+            self._branches, reluctances, permeances, strict=True
+        ):
             branch_flux, _ = running.solve(drop, reluctance)
             force -= 0.5 * branch_flux * branch_flux * slope / permeance**2
             energy += 0.5 * branch_flux * branch_flux * reluctance

@@ -124,7 +124,7 @@ def _draw_once(family: str, seed: int, attempt: int) -> Magnet:
     )  # A
     turns = min(max(round(saturating_drive / draw.log(*CURRENT_RANGE)), TURNS_RANGE[0]), TURNS_RANGE[1])
     return Magnet(family, seed, saturating_drive / turns, gaps, turns, make_yoke, yoke_length,
-                  yoke_ratio * pole_area, branches, leakage, pole_area)  # fmt: skip
+                  yoke_ratio * pole_area, branches, leakage, pole_area, gap_count)  # fmt: skip
 
 
 def _draw_branches(

@@ -36,8 +36,8 @@ sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))  # for plants 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
-           "actuators", "fleet", "flux")  # fmt: skip
-SLOW_MODULES = ("search", "solid", "rate", "meander", "creeping", "sampled_stages")
+           "actuators", "fleet")  # fmt: skip
+SLOW_MODULES = ("search", "solid", "rate", "meander", "creeping", "sampled_stages", "flux")
 """Modules that take so long that they run only if they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 

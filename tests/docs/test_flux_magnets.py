@@ -36,7 +36,7 @@ def test_force_balances_energy(magnets: ModuleType, seed: int) -> None:
     current = magnet.current_max * magnets.sweep((0.0, 1.0, 0.2, 0.7, 0.7, 0.1), 800)
     low, high = magnet.gap_range
     gap = low * (high / low) ** (0.5 + 0.45 * np.sin(np.linspace(0.0, 17.0, current.size)))
-    states = magnet.run_states(current, gap)
+    states = magnet.start().run(current, gap)
     electrical, mechanical = work(current, states.psi), work(states.force, gap)
     iron = sum(
         volume * work(states.fields[:, index], states.densities[:, index])
