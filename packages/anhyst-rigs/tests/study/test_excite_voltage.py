@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +13,11 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.force.file import read_rig as read_force_rig
 from anhyst_rigs.study.excite.design import MAX_WARMTH, Specimen
-from anhyst_rigs.study.excite.excite import Excitation, excite, read_specimen
+from anhyst_rigs.study.excite.excite import Excitation, excite, read_specimen, write_excitation
 from anhyst_rigs.study.excite.voltage import design_voltage_record, measure_voltage, plan_voltage
+from anhyst_rigs.study.force_control import force_control
 from tests.refusals import refused
 from tests.study.measured_rigs import measured_rig
 
@@ -168,3 +172,26 @@ def test_ramp_is_as_long_as_the_time_constant_requires(tmp_path: Path) -> None:
     ramp_s = specimen.max_current.value / specimen.sweep_rate
     psi = true_psi(specimen, min(specimen.gaps)).max()
     assert ramp_s * RESISTANCE * specimen.max_current.value == pytest.approx(4.0 * psi, rel=0.05)
+
+
+@pytest.mark.slow
+def test_controller_from_voltage_alone_follows_the_true_force(tmp_path: Path) -> None:
+    """Excite, identify, compile and control without a force sensor: 1.5 % held, 3 % moving, of F_max."""
+    rig = Path(shutil.copy(Path(__file__).with_name("electromagnet.toml"), tmp_path / "rig.toml"))
+    excite(rig, tmp_path / "coil.csv", measure=measure_voltage)
+    summary = force_control(rig, tmp_path / "run").figures["summary"]
+    held = [summary[stage]["full"]["worst_percent"] for stage in ("end", "end_demagnetised", "positions")]
+    assert max(held) < 1.5
+    moving = summary["moving"]
+    assert moving["full"]["worst_percent"] < 3.0
+    assert moving["full"]["of_single"] < 0.4
+
+
+def test_rig_refuses_flux_linkage_at_two_gaps(tmp_path: Path) -> None:
+    """A rig whose loops of flux linkage do not give the force names the missing gaps."""
+    rig = Path(shutil.copy(Path(__file__).with_name("electromagnet.toml"), tmp_path / "rig.toml"))
+    result = excite(rig, tmp_path / "coil.csv", measure=measure_voltage)
+    kept = result.loops.schedule_values[:2]
+    write_excitation(replace(result, loops=result.loops.at(kept)), rig, tmp_path / "coil.csv")
+    with refused("force-not-derived: coil.csv; 2 gaps"):
+        read_force_rig(rig).measured_loops.read()
