@@ -213,6 +213,18 @@ def rim(area: float, offset: float) -> Permeance:
     return lambda gap: (MU_0 * area / (gap + offset), -MU_0 * area / (gap + offset) ** 2)
 
 
+def overlap(circumference: float, clearance: float, depth: float, onset: float) -> Permeance:
+    """Return a plunger that enters a ring at the gap ``depth``, smoothed over the length ``onset``."""
+    factor = MU_0 * circumference / clearance
+
+    def permeance(gap: float) -> tuple[float, float]:
+        entered = (depth - gap) / onset
+        value = onset * math.log1p(math.exp(-abs(entered))) + max(depth - gap, 0.0)
+        return factor * value, -factor / (1.0 + math.exp(-entered))
+
+    return permeance
+
+
 def leakage_path(permeance: float, growth: float, scale: float) -> Permeance:
     """Return leakage that grows with the gap towards a limit; constant if ``growth`` is zero."""
     return lambda gap: (
