@@ -25,6 +25,7 @@ from anhyst.data.path import History
 from anhyst.identification import identify
 from anhyst.identification.flux_force import ForceCalibration, read_calibration
 from anhyst.model.actuator import Model
+from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from flux_baselines import ForceLaw, co_energy_laws, linear_inductance_law
 from flux_magnets import UnseenDrive, draw_magnet, force_records, gap_zero_of, records, run_conditioned, tests
@@ -158,8 +159,20 @@ METHODS: dict[str, Callable[[Case], Errors]] = {
 """Methods by name. The pole area of a cone says little; "true psi" is the map from psi to force."""
 
 
-def summarise(errors: Sequence[Errors]) -> str:
+def measure(name: str, case: Case) -> Errors | None:
+    """Return the errors of a method, or None if anhyst refuses the records."""
+    try:
+        return METHODS[name](case)
+    except InputError as error:
+        print(f"    refused: {error}", file=sys.stderr)
+        return None
+
+
+def summarise(found: Sequence[Errors | None]) -> str:
     """Return the median and the largest error of several magnets, and the coverage, if any is stated."""
+    errors = [error for error in found if error is not None]
+    if not errors:
+        return f"{len(found)} refused"
     means, worsts, moving_means, moving_worsts, gap_means, stated_means, stated_worsts = np.array(
         [astuple(magnet_errors) for magnet_errors in errors]
     ).T
@@ -172,7 +185,7 @@ def summarise(errors: Sequence[Errors]) -> str:
     if np.isfinite(stated_means).all():
         covered = 100.0 * np.mean(means <= stated_means), 100.0 * np.mean(worsts <= stated_worsts)
         text += f"; stated uncertainty covers the mean {covered[0]:.0f} %, the worst {covered[1]:.0f} %"
-    return text
+    return text + (f"; {len(found) - len(errors)} refused" if len(found) > len(errors) else "")
 
 
 def rows() -> list[Row]:
@@ -183,8 +196,8 @@ def rows() -> list[Row]:
         cases = [Case(seed) for seed in range(half, 2 * MAGNET_COUNT, 2)]
         result_rows += [
             Row(f"force from flux linkage, {method}, {name}: mean/worst error, % of F_max", "stated",
-                summarise([measure(case) for case in cases]), None)
-            for method, measure in METHODS.items()
+                summarise([measure(method, case) for case in cases]), None)
+            for method in METHODS
         ]  # fmt: skip
     time = Row("force from flux linkage: computing time", "minutes", str(watch), None, watch.processor)
     return [*result_rows, time]
@@ -192,12 +205,14 @@ def rows() -> list[Row]:
 
 def main(numbers: Sequence[int], names: Sequence[str]) -> None:
     """Print the errors of each magnet and their summary."""
-    errors: dict[str, list[Errors]] = {name: [] for name in names or METHODS}
+    errors: dict[str, list[Errors | None]] = {name: [] for name in names or METHODS}
     for seed in range(*numbers):
         case = Case(seed)
         print(f"{seed} {case.magnet.family}", flush=True)
         for name, found in errors.items():
-            found.append(error := METHODS[name](case))
+            found.append(error := measure(name, case))
+            if error is None:
+                continue
             print(
                 f"    {name}: {error.mean_at_rest:.2f}/{error.worst_at_rest:.1f}, moving "
                 f"{error.mean_moving:.2f}/{error.worst_moving:.1f}, of each gap {error.mean_of_gap:.2f}, "
