@@ -49,6 +49,7 @@ some magnets end in a wrong minimum."""
 
 _START_SATURATION = 0.05
 _MAX_EVALUATIONS = 60
+_MAX_NNLS_STEPS = 2000
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ class YokeBasis:
 
     def fit(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the deviations from values, and the free and the other coefficients."""
-        coefficients, _ = nnls(self.triangular, self.orthogonal.T @ values)
+        coefficients, _ = nnls(self.triangular, self.orthogonal.T @ values, maxiter=_MAX_NNLS_STEPS)
         remainder = values - self.functions @ coefficients
         free_part = self.free_orthogonal @ (self.free_orthogonal.T @ remainder)
         free_coefficients = np.linalg.lstsq(self.free, free_part, rcond=None)[0]

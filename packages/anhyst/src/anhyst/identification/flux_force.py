@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -88,7 +89,9 @@ def read_calibration(
 class DerivedForce:
     """Loops of force, and the relation of flux linkage and force."""
 
-    loops: Loops
+    loops: Loops  # the measured loops, as loops of force
+    # the same, and computed loops between the measured gaps, which are fitted but not reported
+    fitted_loops: Loops
     flux: FluxMap
     warnings: tuple[str, ...]
 
@@ -125,7 +128,40 @@ def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> Deri
         drifts=tuple(drifts.tolist()),
         assumptions=_assumptions(fit, calibration, float(np.abs(drifts).max()) / records.scales[1]),
     )
-    return DerivedForce(flux.force_loops(loops), flux, _warnings(fit))
+    corrected = flux.corrected_loops(loops)
+    force_loops = flux.force_loops(corrected)
+    moved_loops = flux.force_loops(_move_between_gaps(corrected, flux))
+    fitted_loops = force_loops.with_loops([*force_loops.loops, *moved_loops.loops])
+    return DerivedForce(force_loops, fitted_loops, flux, _warnings(fit))
+
+
+def _move_between_gaps(loops: Loops, flux: FluxMap) -> Loops:
+    """Return loops between neighbouring gaps with the flux linkage of the smaller gap.
+
+    At equal flux linkage, only the magnetomotive force of gap and armature depends on the gap, so
+    its difference changes the measured current. A law that is fitted to these loops too is not
+    interpolated over the wide steps between the measured gaps.
+    """
+    moved = []
+    for gap, next_gap in pairwise(loops.schedule_values):
+        middle_gap = math.sqrt(gap * next_gap) if gap > 0.0 else 0.5 * next_gap
+        for loop in loops.at(gap).loops:
+            order = np.argsort(loop.input)
+            points = np.array(loop.history.turning_points)
+            current = np.concatenate([points, loop.input])
+            psi = np.concatenate([np.interp(points, loop.input[order], loop.output[order]), loop.output])
+            gaps = np.full(current.size, middle_gap)
+            change = flux.magnetomotive_force(psi, gaps) - flux.magnetomotive_force(
+                psi, np.full(current.size, gap)
+            )
+            moved_current = current + change
+            history = replace(loop.history, turning_points=tuple(moved_current[: points.size].tolist()))
+            moved.append(
+                replace(
+                    loop, input=moved_current[points.size :], schedule=gaps[points.size :], history=history
+                )
+            )
+    return loops.with_loops(moved)
 
 
 def _remove_drift(loops: Loops, drifts: FloatArray) -> Loops:

@@ -95,7 +95,7 @@ def identify(
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
     derived, flux_warnings = _derive_wanted_force(loops, output, calibration, seed)
-    loops = loops if derived is None else derived.loops
+    loops = loops if derived is None else derived.fitted_loops
     can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
     loops = spread_equal_times(loops) if can_fit_rate else loops
     speeds, delay_text = group_by_speed(loops) if can_fit_rate else None, ""
@@ -141,6 +141,9 @@ def identify(
         )
 
     outcome = _fit_all_speeds(loops, fit_static, speeds)
+    if derived is not None:  # computed loops are not part of the result
+        loops = loops.with_loops(loops.loops[: len(derived.loops)])
+        outcome = replace(outcome, expected_error=None)  # the computed loops would flatter it
     lag = describe_coil_lag(loops)
     unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
     rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""

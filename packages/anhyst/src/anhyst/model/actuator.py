@@ -247,8 +247,9 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
         raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
     options = ReadOptions.from_text(**texts)
     loops = options.read([_find_source(source.path, source.sha256, Path(folder)) for source in sources])
-    is_derived = model.flux is not None and loops.output.name == "flux_linkage"
-    return model.flux.force_loops(loops) if is_derived and model.flux is not None else loops
+    if model.flux is None or loops.output.name != "flux_linkage":
+        return loops
+    return model.flux.force_loops(model.flux.corrected_loops(loops))
 
 
 def _find_source(path: str, sha256: str, folder: Path) -> Path:

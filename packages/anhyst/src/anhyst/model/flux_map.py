@@ -112,6 +112,11 @@ class FluxMap(FileRecord):
                 break
         return np.asarray(np.copysign(flux, flux_linkage))
 
+    def magnetomotive_force(self, flux_linkage: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return the magnetomotive force of gap and armature, A, for a flux linkage of the coil, Wb."""
+        flux = self.gap_flux(flux_linkage, gap)
+        return np.asarray(self.armature(flux)[0] + self.reluctance(gap)[0] * flux)
+
     def force(self, flux_linkage: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the attraction, N, for a flux linkage, Wb, and a gap, m; shape (n,)."""
         return self._force_of_gap_flux(self.gap_flux(flux_linkage, gap), gap)[0]
@@ -141,19 +146,29 @@ class FluxMap(FileRecord):
         drop = self.armature(flux)[0] + reluctance * flux
         return np.asarray(flux + self.leakage_permeance(gap) * drop)
 
-    def force_loops(self, loops: Loops) -> Loops:
-        """Return the loops of the identification as loops of force, without drift."""
+    def corrected_loops(self, loops: Loops) -> Loops:
+        """Return the loops of flux linkage of the identification with their zero and without drift."""
         if len(loops) != len(self.drifts):
             raise InputError(
                 f"{len(loops)} loops, but the force was derived from {len(self.drifts)}; identify again",
                 code="source-changed",
             )
-        converted = []
-        for loop, zero, drift in zip(loops.loops, self.zeros, self.drifts, strict=True):
-            assert loop.schedule is not None
-            flux_linkage = loop.output + zero - drift * elapsed_fraction(loop)
-            converted.append(replace(loop, output=self.force(flux_linkage, loop.schedule)))
+        return loops.with_loops(
+            replace(loop, output=loop.output + zero - drift * elapsed_fraction(loop))
+            for loop, zero, drift in zip(loops.loops, self.zeros, self.drifts, strict=True)
+        )
+
+    def force_loops(self, loops: Loops) -> Loops:
+        """Return loops of flux linkage as loops of force."""
+        forces = [self.force(loop.output, as_gaps(loop)) for loop in loops.loops]
+        converted = [replace(loop, output=force) for loop, force in zip(loops.loops, forces, strict=True)]
         return replace(loops, loops=tuple(converted), output=QUANTITIES["force"])
+
+
+def as_gaps(loop: Loop) -> FloatArray:
+    """Return the gap of each sample of a loop."""
+    assert loop.schedule is not None
+    return loop.schedule
 
 
 def elapsed_fraction(loop: Loop) -> FloatArray:

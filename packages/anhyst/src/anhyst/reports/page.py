@@ -15,6 +15,7 @@ from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between_gaps, figure_parameters
+from anhyst.reports.section_flux import section_flux
 from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
 from anhyst.reports.subject import ModelSubject, acceptance_note, compute_fit_metrics, gather_measurements
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
@@ -229,6 +230,7 @@ def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     """Return the HTML text of the report."""
     sections: list[Section | None] = [
         section_loops(subject),
+        section_flux(subject),
         section_rate(subject),
         section_residuals(subject),
         sections_model.section_parameters_over(subject),

@@ -1,0 +1,155 @@
+"""The force that is derived from loops of flux linkage, against a magnet whose force is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import anhyst
+from anhyst.data import History
+from anhyst.identification import IdentifyResult
+from anhyst.identification.flux_force import ForceCalibration, derive_force
+from anhyst.model.flux_map import FluxMap
+from anhyst.support.errors import InputError
+from tests.identification import flux_truth
+from tests.refusals import refused
+
+UNSEEN_GAPS = (0.35e-3, 0.5e-3, 0.7e-3)
+
+
+@lru_cache
+def identified() -> IdentifyResult:
+    return anhyst.identify(flux_truth.flux_loops())
+
+
+def flux_map_of(result: IdentifyResult) -> FluxMap:
+    assert result.model.flux is not None
+    return result.model.flux
+
+
+circuits = st.builds(
+    FluxMap,
+    pole=st.floats(0.2, 3.0),
+    fringe=st.floats(0.0, 2.0),
+    gap_zero=st.floats(-0.05, 0.05),
+    leakage=st.floats(0.0, 0.3),
+    leakage_slope=st.floats(-0.05, 0.05),
+    leakage_gap=st.just(1.0),
+    armature_knots=st.just((0.4, 0.7)),
+    armature_weights=st.tuples(st.floats(0.0, 20.0), st.floats(0.0, 50.0)),
+    largest_flux=st.just(1.0),
+)
+
+
+@given(circuits, st.floats(0.4, 2.0))
+def test_the_force_is_the_change_of_the_energy_over_the_gap(circuit: FluxMap, gap: float) -> None:
+    flux, step = np.linspace(0.0, 1.0, 4001), 1e-5
+
+    def energy(width: float) -> float:
+        gaps = np.full(flux.size, width)
+        # The leakage path and the gap are parallel: their common magnetomotive force is that of the coil.
+        return float(np.trapezoid(circuit.magnetomotive_force(flux, gaps), flux))
+
+    derivative = (energy(gap + step) - energy(gap - step)) / (2.0 * step)
+    force = float(circuit.force(np.ones(1), np.array([gap]))[0])
+    assert force == pytest.approx(derivative, rel=1e-4, abs=1e-5)
+
+
+@given(circuits, st.floats(0.4, 2.0))
+def test_the_flux_linkage_of_a_force_has_this_force(circuit: FluxMap, gap: float) -> None:
+    psi = np.linspace(0.05, 1.0, 20)
+    gaps = np.full(psi.size, gap)
+    force = circuit.force(psi, gaps)
+    is_rising = bool((np.diff(force) > 0.0).all()) and force[0] > 0.0
+    if is_rising:
+        found = circuit.flux_linkage(force, gaps)
+        assert circuit.force(found, gaps) == pytest.approx(force, rel=1e-6)
+
+
+def test_the_derived_force_at_unseen_gaps_is_that_of_the_magnet() -> None:
+    result = identified()
+    assert result.model.output.name == "force"
+    errors, largest = [], 0.0
+    for gap in UNSEEN_GAPS:
+        path = flux_truth.flux_path((0.0, 0.95, 0.1, 0.8, 0.3, 0.95, 0.1))
+        current, _, force = flux_truth.run(path, gap)
+        is_measured = current <= result.model.valid_range.input[1]
+        predicted = result.model.predict(current, gap, history="demagnetised").output
+        errors.append(np.abs(predicted - force)[is_measured])
+        largest = max(largest, float(force.max()))
+    assert max(error.max() for error in errors) < 0.02 * largest
+    assert np.mean(np.concatenate(errors)) < 0.004 * largest
+
+
+def test_the_drift_of_the_flux_is_found_and_stated() -> None:
+    flux = flux_map_of(identified())
+    assert np.array(flux.drifts) == pytest.approx(5e-3 * flux.largest_flux, rel=0.25)
+    assert any("drift of up to 0." in text for text in flux.assumptions)
+
+
+def test_the_model_file_keeps_the_flux_map(tmp_path: Path) -> None:
+    model = identified().model
+    path = model.save(tmp_path / "model.toml")
+    assert anhyst.read_model(path).flux == model.flux
+
+
+def test_predict_writes_the_flux_linkage_and_invert_takes_it(tmp_path: Path) -> None:
+    model = identified().model
+    current = np.linspace(0.2, 3.0, 40)
+    predicted = anhyst.predict(
+        model, {"I_A": current, "gap_m": np.full(40, 0.5e-3)}, history="demagnetised"
+    ).to_columns()
+    demand = {name: predicted[name] for name in ("psi_Wb", "gap_m")}
+    inverted = anhyst.invert(model, demand, history="demagnetised").to_columns()
+    assert inverted["I_A"] == pytest.approx(current, abs=1e-4)
+
+
+def test_a_reading_calibrates_and_a_wrong_one_is_refused() -> None:
+    loops = flux_truth.flux_loops()
+    current, _, force = flux_truth.run(flux_truth.flux_path((0.0, 1.0)), 0.3e-3)
+    reading = {"I_A": current[-1:], "gap_m": [0.3e-3], "F_N": force[-1:]}
+    calibrated = anhyst.identify(loops, force_at=reading)
+    assert any("1 force reading" in text for text in flux_map_of(calibrated).assumptions)
+    with refused("reading-contradicts force_at: 9.81"):
+        anhyst.identify(loops, force_at=reading | {"F_N": [9.81]})
+
+
+def test_two_gaps_do_not_give_a_force() -> None:
+    loops = flux_truth.flux_loops(flux_truth.GAPS[:2])
+    result = anhyst.identify(loops)
+    assert result.model.output.name == "flux_linkage"
+    assert any(text.startswith("no force: 2 gaps") for text in result.warnings)
+    with refused("force-not-derived output: 2 gaps"):
+        anhyst.identify(loops, output="force")
+
+
+def test_an_unknown_zero_of_the_flux_is_found_and_warned_of() -> None:
+    loops = flux_truth.flux_loops(drift=0.0)
+    cut = []
+    for loop in loops.loops:
+        first = int(loop.input.argmax()) + 1
+        rest = first + int(loop.input[first:].argmin())
+        columns = {name: getattr(loop, name)[rest:] for name in ("input", "output", "schedule")}
+        columns["output"] = columns["output"] - columns["output"][0]
+        points = (float(loop.input.max()), float(loop.input[rest]))
+        history = History("conditioned", (0.0, *points))
+        cut.append(replace(loop, **columns, history=history))
+    derived = derive_force(loops.with_loops(cut), ForceCalibration(), 1)
+    assert any("was not demagnetised" in text for text in derived.warnings)
+    assert min(derived.flux.zeros) > 0.0
+
+
+def test_wrong_calibrations_are_refused() -> None:
+    loops = flux_truth.flux_loops()
+    with refused("options-missing pole_area: turns"):
+        anhyst.identify(loops, pole_area=4e-4)
+    with refused("not-above-zero turns: 0"):
+        anhyst.identify(loops, pole_area=4e-4, turns=0)
+    with pytest.raises(InputError):
+        anhyst.identify(loops, force_at={"I_A": [1.0]})
