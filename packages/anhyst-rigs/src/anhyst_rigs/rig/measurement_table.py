@@ -106,8 +106,8 @@ class ExciteTable(Table):
     force_max_N: Positive | None = None
     continuous_A: Positive | None = None
     thermal_s: Positive | None = None
-    rise_K: NotNegative = 80.0  # temperature rise of the winding at continuous_A
-    current_low_A: Annotated[float, Field(le=0.0)] | None = None  # of the source in the measurement
+    rise_K: NotNegative = 80.0  # temperature rise at continuous_A
+    current_low_A: Annotated[float, Field(le=0.0)] | None = None  # lowest current of the source
 
     @model_validator(mode="after")
     def _check_thermal_keys(self) -> Self:

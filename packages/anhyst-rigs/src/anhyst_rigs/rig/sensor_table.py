@@ -146,7 +146,7 @@ class FluxSensorTable(DigitisedSensorTable):
 
 
 class VoltageSensorTable(DigitisedSensorTable):
-    """``of = "voltage"``: mean voltage of a coil in each sample, from which the flux is estimated."""
+    """``of = "voltage"``: a voltmeter at the coil or at a sense coil."""
 
     of: Literal["voltage"]
     range_V: Positive
