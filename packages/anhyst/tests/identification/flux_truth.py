@@ -64,7 +64,7 @@ def flux_loops(gaps: tuple[float, ...] = GAPS, *, noise: float = 5e-4, drift: fl
     rng = np.random.default_rng(4)
     loops = []
     for gap in gaps:
-        path = flux_path((0.0, 1.0, 0.06, 1.0, 0.06, 0.7, 0.3, 0.6, 0.06, 1.0, 0.5, 1.0, 0.06))
+        path = flux_path((0.0, 1.0, 0.02, 1.0, 0.02, 0.7, 0.3, 0.6, 0.02, 1.0, 0.5, 1.0, 0.02))
         current, psi, _ = run(path, gap)
         scale = float(psi.max())
         measured = psi + scale * (noise * rng.standard_normal(psi.size) + np.linspace(0.0, drift, psi.size))

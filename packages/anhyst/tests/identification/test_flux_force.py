@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import anhyst
 from anhyst.data import History
+from anhyst.data.path import find_turning_points
 from anhyst.identification import IdentifyResult
 from anhyst.identification.flux_force import ForceCalibration, derive_force
 from anhyst.model.flux_map import FluxMap
@@ -133,8 +134,7 @@ def test_an_unknown_zero_of_the_flux_is_found_and_warned_of() -> None:
     loops = flux_truth.flux_loops(drift=0.0)
     cut = []
     for loop in loops.loops:
-        first = int(loop.input.argmax()) + 1
-        rest = first + int(loop.input[first:].argmin())
+        rest = int(find_turning_points(loop.input)[2])  # after the first tip
         columns = {name: getattr(loop, name)[rest:] for name in ("input", "output", "schedule")}
         columns["output"] = columns["output"] - columns["output"][0]
         points = (float(loop.input.max()), float(loop.input[rest]))

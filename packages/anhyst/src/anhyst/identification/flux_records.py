@@ -38,6 +38,8 @@ _MIN_SLOPE = 0.02
 _MAX_REST_CURRENT = 0.03
 """Largest magnitude of a current at rest, relative to the largest current."""
 
+_SAME_CURRENT = 1e-4
+
 _MAX_ZERO_REMANENCE = 0.003
 """Largest flux linkage at rest, relative to the largest, of an integral that started at zero."""
 
@@ -112,10 +114,10 @@ def starts_at_unknown_flux(loop: Loop) -> bool:
     """
     if loop.history.kind == "demagnetised" or is_bipolar(loop.input):
         return False
-    is_at_rest = np.abs(loop.input) <= _MAX_REST_CURRENT * np.abs(loop.input).max()
-    if not is_at_rest.any():
+    size = np.abs(loop.input)
+    if size.min() > _MAX_REST_CURRENT * size.max():
         return False
-    rest_flux = float(np.median(loop.output[is_at_rest]))
+    rest_flux = float(np.median(loop.output[size <= size.min() + _SAME_CURRENT * size.max()]))
     return abs(rest_flux) <= _MAX_ZERO_REMANENCE * float(np.abs(loop.output).max())
 
 

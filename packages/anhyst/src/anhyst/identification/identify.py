@@ -33,6 +33,7 @@ from anhyst.identification.flux_force import (
     OutputName,
     derive_force,
     find_no_force_reason,
+    state_uncertainty,
 )
 from anhyst.identification.model_building import make_model, make_response_form, valid_range
 from anhyst.identification.model_selection import MIN_SAMPLES_PER_PARAMETER, make_outcome, select_model
@@ -167,7 +168,6 @@ def identify(
         "history": Counter(histories).most_common(1)[0][0],
         "valid": valid_range(loops),
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
-        "flux": None if derived is None else derived.flux,
     }
     model = replace(outcome.model, **common_records, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common_records)  # type: ignore[arg-type]
@@ -179,7 +179,8 @@ def identify(
     residual = analyse_loops(loops, fitted)
     residual_text = describe_residual(residual, loops, model)
     metrics = replace(metrics, not_noise=residual.unexplained, left_over=residual_text)
-    model = replace(model, fit=metrics, uncertainty=outcome.uncertainty)
+    flux = None if derived is None else state_uncertainty(derived.flux, metrics)
+    model = replace(model, fit=metrics, uncertainty=outcome.uncertainty, flux=flux)
     warnings += [reason] if (reason := find_compile_obstacle(model.at_rest)) is not None else []
     cpu_times["all else"] = time.process_time() - cpu_start - sum(cpu_times.values())
     return IdentifyResult(
