@@ -27,6 +27,7 @@ from anhyst.data.output_map import output_map
 from anhyst.data.path import find_branches, find_turning_points
 from anhyst.data.proposals import join_pair, quote_name
 from anhyst.data.reading import read_loops
+from anhyst.data.recurrence import estimate_drift
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
@@ -129,7 +130,7 @@ def remove_drift(loopset: Loops) -> Loops:
     """
     loops, texts, unknown_drifts = list(loopset.loops), [], []
     for index, loop in enumerate(loops):
-        total_drift = estimates.estimate_drift(loop)
+        total_drift = estimate_drift(loop, loopset.output)
         if total_drift is None:
             unknown_drifts.append(f"'{loop.label}'")
         elif total_drift:

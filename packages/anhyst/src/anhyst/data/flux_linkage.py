@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from operator import itemgetter
-from typing import NoReturn
 
 import numpy as np
 
@@ -23,12 +22,17 @@ from anhyst.data.recurrence import compare_states
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-_MAX_UNCERTAINTY = 2.5e-3
+UNKNOWN_ZERO_NOTE = (
+    "the flux linkage counts from the first sample, and the remanent flux there is unknown; begin with a "
+    "demagnetising (decaying alternating) current, or record both signs of the current"
+)
+"""Note for records whose zero of the flux linkage is neither measured nor given by symmetry."""
+_MAX_UNCERTAINTY = 2e-3
 """Largest accepted standard uncertainty, as a fraction of the largest flux linkage."""
 _CLOSING_ERROR = 5e-4
 """Assumed difference of equal states, as a fraction of the flux linkage: iron closes no better."""
 _REST_ERROR = 1e-4
-"""Assumed change of the flux linkage during a rest, as such a fraction (after-effect)."""
+"""Assumed change of the flux linkage during a rest without noise, as such a fraction."""
 _RESISTANCE_SHARE = 10.0
 """Standard deviation of the resistance before the record, relative to the largest voltage over
 the largest current."""
@@ -45,6 +49,8 @@ _HALF_RATE_RATIO = 3.0
 """Ratio of the error of an integral over every second sample to the error of the integral."""
 _PASSES = 3
 """Number of solutions; each updates the weights, which depend on the largest flux linkage."""
+_SMALLEST_FLUX = 1e-30
+"""Smallest flux linkage, Wb, so that a voltage without an inductive part has an uncertainty."""
 _REST_BLOCKS = 1000
 """Number of blocks of a record whose mean inputs show rests."""
 _MIN_REST_BLOCKS = 6
@@ -77,16 +83,17 @@ class _Record:
         clock = _even_clock(loop.time)
         basis = [clock]
         if has_resistance:
-            power, cooling = loop.input**2, np.exp(_COOLING_CONSTANTS * clock / clock[-1])
+            power = (loop.input / np.max(np.abs(loop.input))) ** 2
+            cooling = np.exp(_COOLING_CONSTANTS * clock / clock[-1])
             heats = (_integrate(clock, power), _integrate(clock, power * cooling) / cooling)
-            factors = (np.ones(loop.n), *(heat / heat.max() for heat in heats))
+            factors = (np.ones(loop.n), *(heat / (heat.max() or 1.0) for heat in heats))
             basis = [*(_integrate(clock, factor * loop.input) for factor in factors), clock]
         return cls(loop, clock, _integrate(clock, loop.output), np.array(basis))
 
     @property
     def has_resistance(self) -> bool:
         """Whether the current flows in the coil whose voltage is measured."""
-        return self.basis.shape[0] > 1
+        return len(self.basis) > 1
 
     def prior_sigmas(self, resistance: float) -> FloatArray:
         """Return the standard deviations of the parameters before the record, Ohm and V."""
@@ -114,7 +121,7 @@ class _Fit:
     @property
     def sigmas(self) -> FloatArray:
         """Standard deviations of the parameters."""
-        return np.sqrt(np.diag(np.linalg.inv(self.information)))
+        return np.sqrt(np.maximum(0.0, np.diag(_invert(self.information))))
 
     def flux_uncertainty(self, known: tuple[int, ...] = ()) -> float:
         """Return the uncertainty of the flux as a fraction of its largest magnitude.
@@ -125,9 +132,9 @@ class _Fit:
         deviations = self.record.basis[unknown]
         deviations = deviations - deviations.mean(axis=1, keepdims=True)
         moments = deviations @ deviations.T / self.record.clock.size
-        covariance = np.linalg.inv(self.information[np.ix_(unknown, unknown)])
-        variance = float(np.trace(covariance @ moments)) + self.sampling_error**2
-        return variance**0.5 / _largest_flux(self.record.loop.input, self.flux)
+        covariance = _invert(self.information[np.ix_(unknown, unknown)])
+        variance = max(0.0, float(np.trace(covariance @ moments))) + self.sampling_error**2
+        return float(np.sqrt(variance)) / _largest_flux(self.record.loop.input, self.flux)
 
 
 def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
@@ -140,16 +147,25 @@ def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
     InputError
         If the flux linkage would not be accurate, with the reason and the remedy.
     """
+    if np.ptp(loop.output) == 0.0:
+        raise InputError(
+            f"the voltage is constant ({loop.output[0]:g} V); correct the channel, or leave it out",
+            code="voltage-inaccurate",
+        )
     for hole in find_holes(loop.time):
         raise InputError(
-            f"loop '{loop.label}': {hole}, but the flux linkage is the integral of every sample of the "
-            "voltage; record without a pause, or give each part its own label",
+            f"{hole}, but the flux linkage is the integral of every sample of the voltage; record "
+            "without a pause, or give each part its own label",
             code="voltage-hole",
-            key="t",
         )
     fit = _fit_record(_Record.of(loop, has_resistance=has_resistance))
     _refuse_inaccurate(fit)
     return _set_zero(replace(loop, output=fit.flux)), _describe_fit(fit)
+
+
+def has_known_zero(loop: Loop) -> bool:
+    """Whether the zero of an integrated flux linkage is known: by the history, or by symmetry."""
+    return loop.history.kind == "demagnetised" or estimate_offsets(loop) is not None
 
 
 def _fit_record(record: _Record) -> _Fit:
@@ -159,13 +175,12 @@ def _fit_record(record: _Record) -> _Fit:
     differences, count = compare_states(loop.input, signals)
     rests = [signals[:, rows.stop - 1] - signals[:, rows.start] for rows in _find_rests(loop.input)]
     equations = np.concatenate([differences, np.reshape(rests, (-1, signals.shape[0]))])
-    if not count + len(rests):
-        _refuse_single_cycle(loop)
     noise, step = estimate_noise(loop.output), clock[-1] / (loop.n - 1)
     resolution = float(np.min(np.diff(np.unique(loop.output))))
     # Without noise, the converter rounds a constant voltage always to the same side.
     rounding = resolution / 12.0**0.5 if noise < 0.5 * resolution else 0.0
     rest_times = equations[len(differences) :, -1]
+    rest_errors = _rest_error(loop.input, rest_times / step)
     period = clock[-1] / (1 + count / 2)
     values, residual_ratio, rows = np.zeros(len(record.basis)), 1.0, np.eye(len(record.basis))
     for _ in range(_PASSES):
@@ -173,7 +188,7 @@ def _fit_record(record: _Record) -> _Fit:
         largest = _largest_flux(loop.input, record.volts - values @ record.basis)
         closing_sigma = float(np.hypot(_CLOSING_ERROR * largest, noise * (period * step) ** 0.5))
         rest_sigmas = np.sqrt(
-            noise**2 * step * rest_times + (rounding * rest_times) ** 2 + (_REST_ERROR * largest) ** 2
+            noise**2 * step * rest_times + (rounding * rest_times) ** 2 + (rest_errors * largest) ** 2
         )
         weights = 1.0 / np.concatenate([np.full(len(differences), closing_sigma), rest_sigmas])
         weighted = equations * weights[:, None]
@@ -192,22 +207,12 @@ def _fit_record(record: _Record) -> _Fit:
     )
 
 
-def _refuse_single_cycle(loop: Loop) -> NoReturn:
-    raise InputError(
-        f"loop '{loop.label}': no state recurs and the current never rests, so the resistance and the "
-        "offset of the voltage cannot be separated from the flux linkage; record two equal cycles or "
-        "more, and a rest at zero current before and after them",
-        code="voltage-inaccurate",
-        key=loop.label,
-    )
-
-
 def _refuse_inaccurate(fit: _Fit) -> None:
     """Raise an error if the flux linkage is not accurate, with the change that would help."""
-    loop, uncertainty = fit.record.loop, fit.flux_uncertainty()
+    uncertainty = fit.flux_uncertainty()
     if fit.record.has_resistance and fit.values[0] + 4.0 * fit.sigmas[0] < 0.0:
         raise InputError(
-            f"loop '{loop.label}': the resistance of the coil would be {fit.values[0]:.4g} Ohm; current and "
+            f"the resistance of the coil would be {fit.values[0]:.4g} Ohm; current and "
             "voltage have opposite signs: --flip u_V",
             code="voltage-sign",
             key="u_V",
@@ -217,7 +222,7 @@ def _refuse_inaccurate(fit: _Fit) -> None:
     all_values = tuple(range(fit.values.size))
     sampling = fit.flux_uncertainty(known=all_values)
     if sampling > 0.5 * _MAX_UNCERTAINTY:
-        cause = "the samples are too far apart for the cycle; sample faster, or run slower cycles"
+        cause = "the samples are too far apart or too noisy; sample faster, through a filter of the voltage"
     elif fit.flux_uncertainty(known=all_values[-1:]) <= _MAX_UNCERTAINTY:
         cause = (
             "the offset of the voltage is not separable; record a rest at zero current, as long as a "
@@ -234,10 +239,9 @@ def _refuse_inaccurate(fit: _Fit) -> None:
             "with a rest at zero current before and after them"
         )
     raise InputError(
-        f"loop '{loop.label}': the voltage gives the flux linkage only to {uncertainty:.2%} of its largest "
-        f"value ({_MAX_UNCERTAINTY:.1%} is required): {cause}",
+        f"the flux linkage from this voltage is uncertain by {100.0 * min(uncertainty, 1.0):.2g} % of its "
+        f"largest value ({_MAX_UNCERTAINTY:.2%} is required): {cause}",
         code="voltage-inaccurate",
-        key=loop.label,
     )
 
 
@@ -247,14 +251,14 @@ def _describe_fit(fit: _Fit) -> str:
     texts = [f"offset {1e3 * values[-1]:.3g} mV"]
     if fit.record.has_resistance:
         texts = [
-            f"resistance {values[0]:.5g} ± {sigmas[0]:.2g} Ohm",
-            f"warming {100.0 * (values[1] + values[2]) / values[0]:.2g} %",
+            f"resistance {values[0]:.5g} ± {sigmas[0]:.2g} Ohm at the start",
+            f"warming {100.0 * (values[1] + values[2]) / (values[0] or 1.0):.2g} %",
             *texts,
         ]
-    drift = abs(values[-1]) * fit.record.clock[-1] / _largest_flux(fit.record.loop.input, fit.flux)
+    drift = 100.0 * abs(values[-1]) * fit.record.clock[-1] / _largest_flux(fit.record.loop.input, fit.flux)
     return (
-        f"flux linkage of loop '{fit.record.loop.label}' integrated from the voltage: {', '.join(texts)} "
-        f"(a drift of {drift:.2g} times the largest flux linkage), uncertainty {fit.flux_uncertainty():.2%}"
+        f"flux linkage integrated from the voltage: {', '.join(texts)} (a drift of {drift:.2g} % of "
+        f"the largest flux linkage), uncertainty {fit.flux_uncertainty():.2%}"
     )
 
 
@@ -297,28 +301,45 @@ def _find_rests(drive: FloatArray) -> list[slice]:
     rests = []
     for run in find_runs(np.abs(np.diff(means)) <= max_step):
         start = run.start + 1 + int(_SETTLING_SHARE * (run.stop - run.start))
-        is_constant = float(np.ptp(means[start : run.stop])) <= 2.0 * max_step if start < run.stop else False
-        if run.stop - run.start >= _MIN_REST_BLOCKS and is_constant:
-            rests.append(slice(start * size, run.stop * size))
+        rows = slice(start * size, run.stop * size)
+        if run.stop - run.start < _MIN_REST_BLOCKS:
+            continue
+        change = float(np.ptp([part.mean() for part in np.array_split(drive[rows], 3)]))
+        if change <= _rest_error(drive, rows.stop - rows.start) * float(np.ptp(drive)):
+            rests.append(rows)
     return rests
+
+
+def _rest_error(drive: FloatArray, count: float | FloatArray) -> float | FloatArray:
+    """Return the change of the input during a rest that noise can hide, relative to its range.
+
+    The tip of a sine looks like a rest in noise. The flux linkage changes as much as the input.
+    """
+    return _REST_ERROR + 5.0 * estimate_noise(drive) / (float(np.ptp(drive)) * np.sqrt(count))
 
 
 def _largest_flux(drive: FloatArray, flux: FloatArray) -> float:
     """Return the largest flux linkage: the range, or half of it if the drive has both signs."""
-    return float(np.ptp(flux)) * (0.5 if is_bipolar(drive) else 1.0)
+    return max(float(np.ptp(flux)), _SMALLEST_FLUX) * (0.5 if is_bipolar(drive) else 1.0)
 
 
 def _even_clock(time: FloatArray) -> FloatArray:
     """Return the time since the first sample; a clock coarser than the sampling becomes even."""
     clock = time - time[0]
     steps = np.diff(clock)
-    even_clock = np.linspace(0.0, clock[-1], clock.size)
-    if steps.min() == 0.0 and np.max(np.abs(clock - even_clock)) <= 2.0 * steps.max():
-        return even_clock
-    return clock
+    even_clock: FloatArray = np.linspace(0.0, clock[-1], clock.size)
+    is_coarse = steps.min() == 0.0 and np.max(np.abs(clock - even_clock)) <= 2.0 * steps.max()
+    return even_clock if is_coarse else clock
+
+
+def _invert(information: FloatArray) -> FloatArray:
+    """Return the covariance of parameters of very different sizes."""
+    scale = np.sqrt(np.diag(information))
+    return np.asarray(np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale))
 
 
 def _integrate(clock: FloatArray, values: FloatArray) -> FloatArray:
     """Return the integral from the first sample to each sample."""
-    areas = 0.5 * (values[1:] + values[:-1]) * np.diff(clock)
-    return np.concatenate([[0.0], np.cumsum(areas)])
+    integral = np.zeros_like(values)
+    np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(clock), out=integral[1:])
+    return integral

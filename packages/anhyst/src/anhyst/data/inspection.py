@@ -16,6 +16,7 @@ from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, find_branches
 from anhyst.data.plausibility import check_plausible
+from anhyst.data.recurrence import estimate_drift
 from anhyst.data.speeds import describe_rate
 from anhyst.data.symmetry import describe_bias, recentre_loops
 from anhyst.data.verdict import (
@@ -182,7 +183,14 @@ def inspect(loops: Loops) -> Inspection:
     )
     widths_and_heights = [loop_width_and_height(loop, is_even=is_even) for loop in centred_loops.loops]
     figures = tuple(
-        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width_and_height, is_even=is_even)
+        _inspect_loop(
+            loop,
+            np.abs(residuals[id(loop)]),
+            proposal,
+            width_and_height,
+            output=loops.output,
+            is_even=is_even,
+        )
         for loop, proposal, width_and_height in zip(loops.loops, proposals, widths_and_heights, strict=True)
     )
     bias_text = describe_bias(loops)
@@ -207,6 +215,7 @@ def _inspect_loop(
     proposal: HistoryProposal,
     width_and_height: tuple[float, float],
     *,
+    output: Quantity,
     is_even: bool,
 ) -> LoopFigures:
     proposed_history, reason = proposal
@@ -225,7 +234,7 @@ def _inspect_loop(
         uneven=step_deviation,
         input_offset=loop_centre[0] if loop_centre else None,
         output_offset=loop_centre[1] if loop_centre else None,
-        drift=estimates.estimate_drift(loop),
+        drift=estimate_drift(loop, output),
         closure=estimates.closure_error(loop),
         noise=estimate_noise(loop.output),
         skew=delay,

@@ -40,6 +40,7 @@ class SourceLoops:
     notes: tuple[str, ...]
     without_history: frozenset[int] = frozenset()
     is_labelled: bool = True
+    is_integrated: bool = False  # whether the output is the integral of a measured voltage
     has_blocks: bool = False  # whether breaks separate the loops
     stated_gap: tuple[float | None, str] | None = None  # gap in m, and the comment that states it
 

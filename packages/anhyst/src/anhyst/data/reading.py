@@ -23,7 +23,7 @@ from anhyst.data.file_names import (
     find_gaps_in_names,
     refuse_contradicting_gap,
 )
-from anhyst.data.flux_linkage import integrate_voltage
+from anhyst.data.flux_linkage import UNKNOWN_ZERO_NOTE, has_known_zero, integrate_voltage
 from anhyst.data.formats import OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
@@ -392,8 +392,8 @@ def _cut_into_loops(
     drive, output = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
     assert output is not None
-    is_integrated = output.name in COIL_VOLTAGES
-    if output.name == "sense_voltage":
+    is_integrated, is_sense = output.name in COIL_VOLTAGES, output.name == "sense_voltage"
+    if is_sense:
         ratio = turns_ratio(columns.source_name, description.constants)
         columns = replace(columns, output=ratio * columns.output)
     output = measured_quantity(drive, output)
@@ -417,10 +417,12 @@ def _cut_into_loops(
         stated_history: History | None = description.histories.get(loop.label, description.history)
         loop = loop if stated_history is None else replace(loop, history=stated_history)
         if is_integrated:
-            loop, note = integrate_voltage(
-                loop, has_resistance=headers[roles.output].quantity == QUANTITIES["voltage"]
-            )
-            remarks.append(note)
+            name = _name_loop(loop, quantity)
+            try:
+                loop, note = integrate_voltage(loop, has_resistance=not is_sense)
+            except InputError as error:
+                raise error.with_location(f"{columns.source_name}: {name}") from None
+            remarks.append(f"{name}: {note}")
         loops.append(loop)
         without_history += [index] if stated_history is None and loop.history == SETTLED else []
     return SourceLoops(
@@ -433,7 +435,14 @@ def _cut_into_loops(
         tuple(f"{columns.source_name}: {text}" for text in remarks),
         frozenset(without_history),
         is_labelled=roles.label is not None or roles.constant_label is not None,
+        is_integrated=is_integrated,
     )
+
+
+def _name_loop(loop: Loop, schedule: Quantity | None) -> str:
+    """Return the name of a loop in a note: its label and its scheduling value."""
+    value = loop.schedule_value
+    return f"loop '{loop.label}'" + (f" at {schedule.show(value)}" if schedule and value is not None else "")
 
 
 def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
@@ -457,15 +466,14 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
             loop = part_loops[index]
             history, reason = next(proposals)
             part_loops[index] = replace(loop, history=history)
-            value = loop.schedule_value
-            schedule_text = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
-            notes.append(
-                f"{part.source_name}: history of loop '{loop.label}'{schedule_text} taken as {history}: {reason}"
-            )
+            name = _name_loop(loop, part.schedule)
+            notes.append(f"{part.source_name}: history of {name} taken as {history}: {reason}")
         is_gap = part.schedule is not None and part.schedule.name == "gap"
         linked_loops = add_earlier_loops(part_loops, across_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in linked_loops):
             notes.append(f"{part.source_name}: {NESTED_LOOPS_NOTE}")
+        if part.is_integrated and not all(map(has_known_zero, part_loops)):
+            notes.append(f"{part.source_name}: {UNKNOWN_ZERO_NOTE}")
         completed_loops.append(replace(part, loops=tuple(linked_loops), notes=tuple(notes)))
     return completed_loops
 

@@ -9,14 +9,15 @@ magnitude of the input ends all earlier curves, because what came before the rec
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anhyst.data import estimates
+from anhyst.data.loops import Loop
 from anhyst.data.path import find_turning_points
 from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES, Quantity
 
 _MAX_LEVEL_DISTANCE = 0.006
 """Maximum distance of reversals at the same input, as a fraction of the input range."""
@@ -28,6 +29,9 @@ _END_SHARE = 0.04
 """Part of a stretch from which its value at an end is extrapolated, as a fraction of the range."""
 _MAX_END_DISTANCE = 0.02
 """Maximum distance of the ends of two stretches that continue each other, as such a fraction."""
+_MIN_DRIFT_SIGMAS = 1.0
+"""Number of standard errors above which a drift is not noise. The standard error assumes that all
+differences of a stretch are one measurement, and is four times the error on drawn records."""
 _MIN_SAMPLES = 4
 """Minimum number of samples of a compared stretch."""
 
@@ -95,6 +99,26 @@ def compare_states(drive: FloatArray, signals: FloatArray) -> tuple[FloatArray, 
                 differences.append((ends[1] - ends[0])[None, :] / 2.0**0.5)
                 count += 1
     return np.concatenate(differences), count
+
+
+def estimate_drift(loop: Loop, output: Quantity) -> float | None:
+    """Return the linear drift of an output over a record; ``None`` if it cannot be determined.
+
+    A flux linkage drifts, because it is an integral, and has equal values in equal states. Of other
+    outputs, only repeated branches are compared.
+    """
+    if output != QUANTITIES["flux_linkage"]:
+        return estimates.estimate_drift(loop)
+    clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
+    time_share = (clock - clock[0]) / (clock[-1] - clock[0])
+    differences, count = compare_states(loop.input, np.array([loop.output, time_share]))
+    weight = float(np.sum(differences[:, 1] ** 2))
+    if weight == 0.0:
+        return None
+    drift = float(differences[:, 0] @ differences[:, 1]) / weight
+    residual = differences[:, 0] - drift * differences[:, 1]
+    sigma = float(np.sqrt(np.sum(residual**2) / max(1, count - 1) / weight))
+    return drift if abs(drift) > _MIN_DRIFT_SIGMAS * sigma else 0.0
 
 
 def _group_levels(values: FloatArray, tolerance: float) -> FloatArray:

@@ -29,20 +29,12 @@ from anhyst.data.proposals import (
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import (
-    DRIVE_QUANTITIES,
-    MASS_UNITS,
-    QUANTITIES,
-    QUANTITY_DIMENSIONS,
-    Header,
-    Quantity,
-    parse_header,
-)
+from anhyst.support.units import DRIVE_QUANTITIES, MASS_UNITS, QUANTITIES, Header, Quantity, parse_header
 from anhyst.support.vocabulary import named_quantities, split_words
 
 _NO_SCHEDULE = "none"
 _MOTION_OUTPUTS = frozenset({"displacement", "strain", "magnetostriction"})
-TURNS = frozenset({"turns", "sense_turns"})
+_TURNS = frozenset({"turns", "sense_turns"})
 """Names of the constants that refer the voltage of a sense coil to the coil."""
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
 _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
@@ -202,7 +194,7 @@ def _find_input_and_output(
         )
     raise InputError(
         f"{source}: has no column for {missing_role} ({_list_columns(headers)}); name it {examples}"
-        f"{advise_mapping(headers, *missing_quantities, skip=skip())}",
+        f"{advise_mapping(headers, *missing_quantities, skip=skip())}{_advise_coil_voltage(headers)}",
         code="column-missing",
     )
 
@@ -215,36 +207,43 @@ def _find_coil_voltage(
     ``None`` if a column can be another output: its quantity, its unit or a word says so. A sense
     coil is preferred, because its voltage does not depend on the resistance.
     """
-    voltages = [i for i, header in enumerate(headers) if header.quantity is not None
-                and header.quantity.name in COIL_VOLTAGES and header.problem is None]  # fmt: skip
-    dimensions = {QUANTITY_DIMENSIONS.get(name, name) for name in ("voltage", *OUTPUT_MAPS)}
-    dimensions -= {"number", "length"}
-    has_output = any(
-        header.quantity is not None
-        and (
-            header.quantity.name in OUTPUT_MAPS
-            or not named_quantities(header.name).isdisjoint(OUTPUT_MAPS)
-            or (not header.is_known and header.unit is not None and header.unit.dimension in dimensions)
-        )
-        for header in headers
-    )
-    if has_output and not any(headers[i].target for i in voltages):
+    voltages = _find_coil_voltages(headers)
+    names = {header.quantity.name for header in headers if header.quantity is not None}
+    if not voltages or not names.isdisjoint(OUTPUT_MAPS) or "current" not in names:
         return None
-    current = _find_only(source, headers, "current") if voltages else None
-    if current is None or any(header.quantity and header.quantity.name in OUTPUT_MAPS for header in headers):
+    if not any(header.target for header in voltages) and any(map(_can_be_output, headers)):
         return None
-    names = [name for name in COIL_VOLTAGES if name == "voltage" or TURNS.issubset(description.constants)]
-    columns = [_find_only(source, headers, name) for name in names]
-    voltage = next((column for column in columns if column is not None), None)
-    if voltage is None:
-        text = headers[voltages[0]].text
-        raise InputError(
-            f"{source}: column '{text}' is the voltage of a sense coil; state the turns of the coil and of "
-            'the sense coil, such as --constants "turns=260,sense_turns=20"',
-            code="turns-missing",
-            key=text,
-        )
-    return current, voltage
+    current = _find_only(source, headers, "current")
+    if current is None:
+        return None
+    sense_voltage, voltage = (_find_only(source, headers, name) for name in COIL_VOLTAGES)
+    if voltage is not None and (sense_voltage is None or not _TURNS.issubset(description.constants)):
+        return current, voltage
+    return None if sense_voltage is None else (current, sense_voltage)
+
+
+def _find_coil_voltages(headers: Sequence[Header]) -> list[Header]:
+    return [header for header in headers if header.quantity is not None
+            and header.quantity.name in COIL_VOLTAGES and header.problem is None]  # fmt: skip
+
+
+def _can_be_output(header: Header) -> bool:
+    """Whether a column that is not understood can be an output, by a word or by its unit."""
+    if not named_quantities(header.name).isdisjoint(OUTPUT_MAPS):
+        return True
+    dimension = header.unit.dimension if header.unit is not None else ""
+    return not header.is_known and dimension in {"voltage", *OUTPUT_MAPS}
+
+
+def _advise_coil_voltage(headers: Sequence[Header]) -> str:
+    """Return the option with which a voltage would be integrated; empty without one."""
+    voltages = _find_coil_voltages(headers)
+    if not voltages or not any(header.quantity == QUANTITIES["current"] for header in headers):
+        return ""
+    if not any(header.is_clock and header.unit for header in headers):
+        return f"; if '{voltages[0].text}' is the voltage of the coil, add the times in a column 't_s'"
+    mapping = current_mapping(headers) | {voltages[0].text: "u_V"}
+    return f"; if '{voltages[0].text}' is the voltage of the coil: {format_option('columns', mapping)}"
 
 
 def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_index: int) -> None:
@@ -349,12 +348,13 @@ def _constants_in_si(source: str, constants: Mapping[str, float | str]) -> dict[
 
 def turns_ratio(source: str, constants: Mapping[str, float | str]) -> float:
     """Return the turns of the coil over those of its sense coil, as the constants state them."""
-    values = _constants_in_si(source, {name: constants[name] for name in TURNS})
+    values = _constants_in_si(source, {name: constants.get(name, 0.0) for name in _TURNS})
     turns, sense_turns = (values[name][1] for name in ("turns", "sense_turns"))
-    if not (turns > 0.0 and sense_turns > 0.0):
+    if turns <= 0.0 or sense_turns <= 0.0:
         raise InputError(
-            f"{source}: turns = {turns:g} and sense_turns = {sense_turns:g}; both must be above 0",
-            code="bad-constant",
+            f"{source}: a sense coil needs its turns and those of the coil, both above 0, such as "
+            '--constants "turns=260,sense_turns=20"',
+            code="turns-missing",
             key="turns",
         )
     return turns / sense_turns
