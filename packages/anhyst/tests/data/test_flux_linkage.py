@@ -109,17 +109,17 @@ def test_resistance_warming_and_offset_are_estimated(seed: int) -> None:
 @pytest.mark.parametrize(
     ("points", "rest", "settings", "remedy"),
     [
-        ((0.0, 1.0, 0.0), 0.0, {}, "at least three of each size"),
+        ((0.0, 1.0, 0.0), 0.0, {}, "at least three faster cycles"),
         (BOTH_SIGNS, 0.5, {}, "hold the largest current"),
         ((0.0, *(1.0, 0.0) * 2), 0.0, {"ratio": 0.3, "offset": 0.0}, "rest at zero current"),
         (NESTED, 0.5, {"ratio": 2000.0, "bits": 12}, "sample faster"),
-        (NESTED, 0.5, {"ratio": 300.0, "bits": 16, "noise": 0.0, "cooling": 9.0}, "run faster cycles"),
+        (NESTED, 0.5, {"ratio": 300.0, "bits": 16, "noise": 0.0, "cooling": 9.0}, "three faster cycles"),
     ],
 )
 def test_inseparable_records_are_refused_with_the_remedy(
     points: Sequence[float], rest: float, settings: dict[str, float], remedy: str
 ) -> None:
-    """One cycle, cycles about zero, no rest, and slow cycles are refused with what would help."""
+    """One cycle, cycles about zero, no rest, and slow cycles are refused with the remedy."""
     with refused("voltage-inaccurate") as caught:
         read_loops(columns(record(points, seed=3, rest=rest, **settings)))
     assert remedy in in_commands(caught.value)
@@ -232,13 +232,13 @@ def test_times_are_asked_for() -> None:
 
 
 def test_a_force_takes_precedence_over_the_voltage() -> None:
-    """A table with a force is a loop of the force, as before."""
+    """A table with a force is a loop of the force."""
     made = record()
     assert read_loops(columns(made) | {"F_N": made.flux**2}).output == QUANTITIES["force"]
 
 
 def test_gaps_of_file_names_columns_and_labels_are_used(tmp_path: Path) -> None:
-    """Each file, each gap of a column and each label is integrated on its own."""
+    """Files, gaps of a column and labels are integrated separately."""
     records = {gap: record(seed=seed) for seed, gap in enumerate((0.3, 0.5, 0.8))}
     paths = [write(tmp_path / f"coil_{gap}mm.csv", "t_s,I_A,u_V", *columns(made).values())
              for gap, made in records.items()]  # fmt: skip
@@ -255,6 +255,15 @@ def test_gaps_of_file_names_columns_and_labels_are_used(tmp_path: Path) -> None:
     assert [
         made.error(loop.output) < 0.25 for loop, made in zip(labelled, records.values(), strict=True)
     ] == [True] * 3
+
+
+def test_file_names_of_a_piezo_are_no_gaps(tmp_path: Path) -> None:
+    """A voltage that drives a displacement does not make a length in the file name a gap."""
+    phase = np.linspace(0.0, 12.0, 600)
+    columns_of_stack = (50.0 - 50.0 * np.cos(phase), 9.0 - 9.0 * np.cos(phase - 0.1))
+    paths = [write(tmp_path / f"stack_{name}mm.csv", "u_V,x_um", *columns_of_stack[:1], size * columns_of_stack[1])
+             for name, size in (("0.3", 1.0), ("0.5", 1.01))]  # fmt: skip
+    assert read_loops(paths).schedule is None
 
 
 def test_a_demagnetising_sine_gives_the_zero() -> None:
@@ -277,7 +286,7 @@ def test_symmetry_gives_the_zero_of_cycles_with_both_signs() -> None:
 
 
 def test_unknown_remanence_is_said() -> None:
-    """A settled record of one sign starts at zero, and a note says that the remanence is unknown."""
+    """A settled record of one sign starts at zero, with a note about the unknown remanence."""
     loops = read_loops(columns(record()), history="settled")
     assert loops.loops[0].output[0] == 0.0
     assert any("remanent flux there is unknown" in note for note in loops.notes)
@@ -285,7 +294,7 @@ def test_unknown_remanence_is_said() -> None:
 
 
 def test_equal_curves_are_found_inside_larger_ones() -> None:
-    """The iron returns to a curve when the input returns to the reversal at which it left."""
+    """After a minor loop, the iron continues on the larger curve."""
     points = (0.0, 5.0, 1.0, 3.0, 1.0, 3.0, 0.0, 5.0, 0.0)
     drive = np.concatenate([np.linspace(a, b, 41)[:-1] for a, b in pairwise(points)])
     found = [[(drive[s.start], drive[s.stop - 1]) for s in curve] for curve in find_curves(drive)]
@@ -295,7 +304,7 @@ def test_equal_curves_are_found_inside_larger_ones() -> None:
 
 
 def test_the_first_rise_is_no_repeated_curve() -> None:
-    """What came before the record is unknown, so its first rise is compared with nothing."""
+    """The history before the record is unknown, so its first rise is compared with nothing."""
     drive = np.tile(np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)[1:]]), 3)
     assert all(stretch.start > 0 for curve in find_curves(drive) for stretch in curve)
 

@@ -1,4 +1,4 @@
-"""Records of the voltage of coils around irons that are no law of anhyst, with the true flux."""
+"""Records of the voltage of coils, with irons that differ from the laws of anhyst, and the true flux."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RESTS = (0.0, 0.1, 0.3, 1.0)
 
 @dataclass(frozen=True)
 class VoltageRecord:
-    """A record as a logger writes it, with what the logger cannot see."""
+    """A record of a logger, with the true flux and resistance."""
 
     time: FloatArray  # s
     current: FloatArray  # A
@@ -108,8 +108,8 @@ def make_record(
 ) -> VoltageRecord:
     """Return the record of a drive.
 
-    ``rate``: samples per s; ``ratio``: resistive flux R*I*T of a cycle of ``cycle`` samples over the
-    largest flux linkage; ``cooling``: time constants of the coil in the record.
+    ``rate`` is the number of samples per s. ``ratio`` is R*I*T of a cycle of ``cycle`` samples over the
+    largest flux linkage. ``cooling`` is the number of thermal time constants in the record.
     """
     top, largest = 10.0 ** rng.uniform(-0.3, 1.3), 10.0 ** rng.uniform(-2.0, 0.2)
     fine = np.interp(np.arange(4 * drive.size - 3) / 4.0, np.arange(drive.size), drive)

@@ -1,10 +1,10 @@
 """Integrate the voltage of a coil, or of a sense coil, to the flux linkage.
 
-The flux linkage is the integral of ``u - R*i - u_0``. The resistance, its warming and the offset of
-the voltage follow from states that recur (`recurrence`) and from rests, because the flux linkage is
-the same in equal states and constant at rest. Weak priors keep the warming and the offset small.
-From the covariance of all parameters follows the uncertainty of the flux linkage. A record from
-which the parameters cannot be separated is refused, with the change that would separate them.
+The flux linkage is the integral of ``u - R*i - u_0``. The flux linkage is the same in equal states
+(`recurrence`) and constant at rest. These equations determine the resistance, its warming and the
+offset of the voltage. Weak priors keep the warming and the offset small. The covariance of the
+parameters gives the uncertainty of the flux linkage. If the uncertainty is too large, the record is
+refused, and the error states the change that would help.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class _Record:
     def of(cls, loop: Loop, *, has_resistance: bool) -> _Record:
         """Return the integrals of a loop whose output is a voltage.
 
-        With a resistance, the parameters are R, its two increases with the heat (which stays in the
-        coil, or leaves it), and the offset; otherwise the offset only.
+        With a resistance, the parameters are R, its increase with the heat that stays in the coil,
+        its increase with the heat that leaves the coil, and the offset. A sense coil has an offset.
         """
         assert loop.time is not None
         clock = _even_clock(loop.time)
@@ -140,12 +140,8 @@ class _Fit:
 def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
     """Return a loop of the flux linkage from a loop of the voltage, and a note with the estimates.
 
-    Without a resistance, the voltage is that of a sense coil, referred to the turns of the coil.
-
-    Raises
-    ------
-    InputError
-        If the flux linkage would not be accurate, with the reason and the remedy.
+    The voltage of a sense coil, which has no resistance, refers to the turns of the coil. If the flux
+    linkage would not be accurate, an error states the reason and the remedy.
     """
     if np.ptp(loop.output) == 0.0:
         raise InputError(
@@ -154,8 +150,8 @@ def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
         )
     for hole in find_holes(loop.time):
         raise InputError(
-            f"{hole}, but the flux linkage is the integral of every sample of the voltage; record "
-            "without a pause, or give each part its own label",
+            f"{hole}, but the flux linkage is the integral of all samples of the voltage; record "
+            "without a pause, or label each part",
             code="voltage-hole",
         )
     fit = _fit_record(_Record.of(loop, has_resistance=has_resistance))
@@ -164,7 +160,7 @@ def integrate_voltage(loop: Loop, *, has_resistance: bool) -> tuple[Loop, str]:
 
 
 def has_known_zero(loop: Loop) -> bool:
-    """Whether the zero of an integrated flux linkage is known: by the history, or by symmetry."""
+    """Whether the history or the symmetry gives the zero of an integrated flux linkage."""
     return loop.history.kind == "demagnetised" or estimate_offsets(loop) is not None
 
 
@@ -182,7 +178,7 @@ def _fit_record(record: _Record) -> _Fit:
     rest_times = equations[len(differences) :, -1]
     rest_errors = _rest_error(loop.input, rest_times / step)
     period = clock[-1] / (1 + count / 2)
-    values, residual_ratio, rows = np.zeros(len(record.basis)), 1.0, np.eye(len(record.basis))
+    values, information = np.zeros(len(record.basis)), np.eye(len(record.basis))
     for _ in range(_PASSES):
         priors = np.diag(1.0 / record.prior_sigmas(values[0]))
         largest = _largest_flux(loop.input, record.volts - values @ record.basis)
@@ -194,17 +190,11 @@ def _fit_record(record: _Record) -> _Fit:
         weighted = equations * weights[:, None]
         rows = np.concatenate([weighted[:, 1:], priors])
         target = np.concatenate([weighted[:, 0], np.zeros(len(priors))])
-        scale = np.linalg.norm(rows, axis=0)
-        values = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
-        residual = rows @ values - target
-        residual_ratio = float(residual @ residual) / max(1, count + len(rests) - values.size + 1)
+        values = _invert(rows.T @ rows) @ (rows.T @ target)
+        residual_ratio = np.sum((rows @ values - target) ** 2) / max(1, count + len(rests) - values.size + 1)
+        information = rows.T @ rows / max(1.0, residual_ratio)
     half_rate_error = _integrate(clock[::2], loop.output[::2]) - record.volts[::2]
-    return _Fit(
-        record,
-        values,
-        rows.T @ rows / max(1.0, residual_ratio),
-        float(np.std(half_rate_error)) / _HALF_RATE_RATIO,
-    )
+    return _Fit(record, values, information, float(np.std(half_rate_error)) / _HALF_RATE_RATIO)
 
 
 def _refuse_inaccurate(fit: _Fit) -> None:
@@ -222,7 +212,7 @@ def _refuse_inaccurate(fit: _Fit) -> None:
     all_values = tuple(range(fit.values.size))
     sampling = fit.flux_uncertainty(known=all_values)
     if sampling > 0.5 * _MAX_UNCERTAINTY:
-        cause = "the samples are too far apart or too noisy; sample faster, through a filter of the voltage"
+        cause = "the samples are too far apart or too noisy; sample faster, and filter the voltage"
     elif fit.flux_uncertainty(known=all_values[-1:]) <= _MAX_UNCERTAINTY:
         cause = (
             "the offset of the voltage is not separable; record a rest at zero current, as long as a "
@@ -235,8 +225,8 @@ def _refuse_inaccurate(fit: _Fit) -> None:
         )
     else:
         cause = (
-            "the cycles are too slow or do not repeat; run faster cycles, at least three of each size, "
-            "with a rest at zero current before and after them"
+            "the cycles are too slow or do not repeat; run at least three faster cycles of each size, "
+            "with a rest at zero current before and after the cycles"
         )
     raise InputError(
         f"the flux linkage from this voltage is uncertain by {100.0 * min(uncertainty, 1.0):.2g} % of its "
@@ -265,7 +255,7 @@ def _describe_fit(fit: _Fit) -> str:
 def _set_zero(loop: Loop) -> Loop:
     """Return a loop whose flux linkage is zero where the iron is demagnetised, if that is known.
 
-    A demagnetising sine at the beginning is left out. Cycles that are symmetric about zero are
+    A demagnetising sine at the beginning is removed. Cycles that are symmetric about zero are
     centred. Otherwise, the flux linkage begins at zero.
     """
     row = _find_demagnetised_row(loop.input)
@@ -294,7 +284,7 @@ def _find_demagnetised_row(drive: FloatArray) -> int | None:
 
 
 def _find_rests(drive: FloatArray) -> list[slice]:
-    """Return the rows of a record in which the input is constant, without the beginning of each."""
+    """Return the rows where the input is constant, without the time in which it settles."""
     size = max(4, drive.size // _REST_BLOCKS)
     means = drive[: drive.size // size * size].reshape(-1, size).mean(axis=1)
     max_step = _MAX_REST_STEP * float(np.ptp(drive)) + 4.0 * estimate_noise(drive) / size**0.5
@@ -313,13 +303,13 @@ def _find_rests(drive: FloatArray) -> list[slice]:
 def _rest_error(drive: FloatArray, count: float | FloatArray) -> float | FloatArray:
     """Return the change of the input during a rest that noise can hide, relative to its range.
 
-    The tip of a sine looks like a rest in noise. The flux linkage changes as much as the input.
+    In noise, the tip of a sine looks like a rest. The relative change of the flux linkage is similar.
     """
     return _REST_ERROR + 5.0 * estimate_noise(drive) / (float(np.ptp(drive)) * np.sqrt(count))
 
 
 def _largest_flux(drive: FloatArray, flux: FloatArray) -> float:
-    """Return the largest flux linkage: the range, or half of it if the drive has both signs."""
+    """Return the range of a flux linkage, or half the range if the drive has both signs."""
     return max(float(np.ptp(flux)), _SMALLEST_FLUX) * (0.5 if is_bipolar(drive) else 1.0)
 
 

@@ -183,15 +183,8 @@ def inspect(loops: Loops) -> Inspection:
     )
     widths_and_heights = [loop_width_and_height(loop, is_even=is_even) for loop in centred_loops.loops]
     figures = tuple(
-        _inspect_loop(
-            loop,
-            np.abs(residuals[id(loop)]),
-            proposal,
-            width_and_height,
-            output=loops.output,
-            is_even=is_even,
-        )
-        for loop, proposal, width_and_height in zip(loops.loops, proposals, widths_and_heights, strict=True)
+        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, size, loops.output, is_even=is_even)
+        for loop, proposal, size in zip(loops.loops, proposals, widths_and_heights, strict=True)
     )
     bias_text = describe_bias(loops)
     warnings += _find_warnings(loops, figures)
@@ -214,8 +207,8 @@ def _inspect_loop(
     deviation: FloatArray,
     proposal: HistoryProposal,
     width_and_height: tuple[float, float],
-    *,
     output: Quantity,
+    *,
     is_even: bool,
 ) -> LoopFigures:
     proposed_history, reason = proposal

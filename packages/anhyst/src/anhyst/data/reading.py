@@ -32,7 +32,7 @@ from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_f
 from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
 from anhyst.data.loop_consistency import refuse_different_loops
 from anhyst.data.loops import Loop, Loops, Source, are_even
-from anhyst.data.output_map import COIL_VOLTAGES, measured_quantity
+from anhyst.data.output_map import COIL_VOLTAGES, OUTPUT_MAPS, measured_quantity
 from anhyst.data.path import SETTLED, History, HistoryLike, find_time_reversal
 from anhyst.data.plateaus import find_plateaus, has_loop
 from anhyst.data.roles import (
@@ -59,7 +59,8 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse
 Rows = NDArray[np.intp]
 
 _UNKNOWN_QUANTITY = Quantity("value", "value", "1")
-_GAP_DEPENDENT_OUTPUTS = frozenset({"force", "thrust", "flux_density", "flux_linkage", *COIL_VOLTAGES})
+_GAP_DEPENDENT_OUTPUTS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
+_GAP_DEPENDENT_COLUMNS = _GAP_DEPENDENT_OUTPUTS | {*COIL_VOLTAGES}
 _MIN_MEAN_RUN_SAMPLES = 6
 """Minimum mean length of runs of equal scheduling values that are separate loops, in samples."""
 _MAX_LOOPS = 2000
@@ -194,7 +195,9 @@ def _find_name_gaps(descriptions: Mapping[Path, FileDescription]) -> dict[Path, 
             return {}
         headers = map_headers(open_table(path), description.columns, description.scale, description.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
-        if "gap" in names or "field" in names or names.isdisjoint(_GAP_DEPENDENT_OUTPUTS):
+        is_coil = "current" in names and names.isdisjoint(OUTPUT_MAPS)
+        is_dependent = is_coil or not names.isdisjoint(_GAP_DEPENDENT_OUTPUTS)
+        if "gap" in names or "field" in names or not is_dependent:
             return {}
     return gaps
 
@@ -302,7 +305,7 @@ def _can_use_stated_gap(headers: Sequence[Header], roles: Roles, description: Fi
         roles.schedule_quantity is None
         and description.schedule in (None, "gap")
         and output is not None
-        and output.name in _GAP_DEPENDENT_OUTPUTS
+        and output.name in _GAP_DEPENDENT_COLUMNS
         and drive != QUANTITIES["field"]
     )
 
@@ -337,7 +340,7 @@ def _ask_about_hidden_gap(used_rows: UsedRows, roles: Roles, text_columns: Seque
     output, drive = used_rows.headers[roles.output].quantity, used_rows.si_values(roles.input)
     if roles.schedule_quantity is not None or roles.is_schedule_requested or roles.label is not None:
         return
-    if output is None or output.name not in _GAP_DEPENDENT_OUTPUTS:
+    if output is None or output.name not in _GAP_DEPENDENT_COLUMNS:
         return
     for index in roles.unused:
         header = used_rows.headers[index]

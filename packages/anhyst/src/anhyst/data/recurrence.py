@@ -1,9 +1,9 @@
-"""Find the stretches of a record in which the iron passes through the same states.
+"""Find the stretches of a record where the iron passes through the same states.
 
 A reversal of the input is erased from the memory of the iron when the input returns to it
-(return-point memory). The remaining reversals identify the curve on which the iron moves, so all
+(return-point memory). The remaining reversals identify the curve of the iron. Therefore, all
 stretches with the same remaining reversals have the same output at the same input. A new largest
-magnitude of the input ends all earlier curves, because what came before the record is unknown.
+magnitude of the input ends all earlier curves, because the history before the record is unknown.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from anhyst.support.units import QUANTITIES, Quantity
 _MAX_LEVEL_DISTANCE = 0.006
 """Maximum distance of reversals at the same input, as a fraction of the input range."""
 _INPUT_LEVELS = 24
-"""Number of inputs at which stretches of one curve are compared."""
+"""Number of compared inputs of a curve."""
 _BINS = 100
-"""Maximum number of bins of the input in which a stretch is averaged."""
+"""Maximum number of bins of the input for the average of a stretch."""
 _END_SHARE = 0.04
-"""Part of a stretch from which its value at an end is extrapolated, as a fraction of the range."""
+"""Part of a stretch that determines the value at its end, as a fraction of the input range."""
 _MAX_END_DISTANCE = 0.02
 """Maximum distance of the ends of two stretches that continue each other, as such a fraction."""
 _MIN_DRIFT_SIGMAS = 1.0
@@ -36,11 +36,11 @@ _MIN_SAMPLES = 4
 """Minimum number of samples of a compared stretch."""
 
 Stretch = slice
-"""Rows of a record in which the input is monotonic and erases no reversal."""
+"""Rows of a record where the input is monotonic and erases no reversal."""
 
 
 def find_curves(drive: FloatArray) -> list[list[Stretch]]:
-    """Return the stretches of each curve that the iron passes several times."""
+    """Return the stretches of the curves that the iron passes several times."""
     tolerance = _MAX_LEVEL_DISTANCE * float(np.ptp(drive))
     rows = find_turning_points(drive)
     levels = _group_levels(drive[rows], tolerance)
@@ -71,32 +71,29 @@ def compare_states(drive: FloatArray, signals: FloatArray) -> tuple[FloatArray, 
     """Return the differences of signals between equal states, and the number of independent ones.
 
     ``signals`` has shape (signals, n), and the differences have shape (differences, signals). The
-    differences of one stretch are not independent; together, their weight is that of one.
+    differences of a stretch are not independent, so all of them have the weight of a single one.
     """
     span = float(np.ptp(drive))
     levels = np.linspace(drive.min(), drive.max(), _INPUT_LEVELS + 2)[1:-1]
     differences, count = [np.zeros((0, signals.shape[0]))], 0
     for stretches in find_curves(drive):
         curves = [_average_stretch(drive[rows], signals[:, rows]) for rows in stretches]
-        values = np.array([_interpolate(curve, levels) for curve in curves])
+        values = np.array(
+            [[np.interp(levels, inputs, row, np.nan, np.nan) for row in rows] for inputs, *rows in curves]
+        )
         is_covered = np.isfinite(values[:, 0])
         is_shared = np.count_nonzero(is_covered, axis=0) > 1
         if is_shared.any():
-            shared = values[:, :, is_shared]
-            shared = shared - np.nanmean(shared, axis=0)
-            stretch_rows = [row[:, np.isfinite(row[0])] for row in shared]
-            stretch_rows = [row.T / row.shape[1] ** 0.5 for row in stretch_rows if row.size]
-            differences += stretch_rows
-            count += len(stretch_rows) - 1
+            shared = values[:, :, is_shared] - np.nanmean(values[:, :, is_shared], axis=0)
+            compared = [row[:, np.isfinite(row[0])].T for row in shared if np.isfinite(row).any()]
+            differences += [row / len(row) ** 0.5 for row in compared]
+            count += len(compared) - 1
         for first, second in pairwise(stretches):
             end, start = float(drive[first.stop - 1]), float(drive[second.start])
             if abs(end - start) <= _MAX_END_DISTANCE * span:
-                inputs = 0.5 * (end + start)
-                ends = [
-                    _extrapolate(drive[rows], signals[:, rows], inputs, _END_SHARE * span)
-                    for rows in (first, second)
-                ]
-                differences.append((ends[1] - ends[0])[None, :] / 2.0**0.5)
+                both = [(drive[rows], signals[:, rows], 0.5 * (end + start)) for rows in (first, second)]
+                before, after = (_extrapolate(*stretch, _END_SHARE * span) for stretch in both)
+                differences.append((after - before)[None, :] / 2.0**0.5)
                 count += 1
     return np.concatenate(differences), count
 
@@ -104,8 +101,8 @@ def compare_states(drive: FloatArray, signals: FloatArray) -> tuple[FloatArray, 
 def estimate_drift(loop: Loop, output: Quantity) -> float | None:
     """Return the linear drift of an output over a record; ``None`` if it cannot be determined.
 
-    A flux linkage drifts, because it is an integral, and has equal values in equal states. Of other
-    outputs, only repeated branches are compared.
+    A flux linkage has equal values in equal states, so all of these are compared. For other outputs,
+    only repeated branches are compared.
     """
     if output != QUANTITIES["flux_linkage"]:
         return estimates.estimate_drift(loop)
@@ -122,7 +119,7 @@ def estimate_drift(loop: Loop, output: Quantity) -> float | None:
 
 
 def _group_levels(values: FloatArray, tolerance: float) -> FloatArray:
-    """Return the values with the mean of its group instead of each value."""
+    """Replace each value by the mean of all values within a tolerance."""
     grouped_values = np.array(values)
     order = np.argsort(values)
     start = 0
@@ -143,16 +140,10 @@ def _average_stretch(drive: FloatArray, signals: FloatArray) -> FloatArray:
     return np.asarray(sums[:, sizes > 0] / sizes[sizes > 0])
 
 
-def _interpolate(curve: FloatArray, levels: FloatArray) -> FloatArray:
-    """Return the signals of an averaged stretch at input levels; NaN outside the stretch."""
-    return np.array([np.interp(levels, curve[0], values, np.nan, np.nan) for values in curve[1:]])
-
-
 def _extrapolate(drive: FloatArray, signals: FloatArray, level: float, window: float) -> FloatArray:
     """Return the signals at an input at the end of a stretch, from a straight line through it."""
     distance = drive - level
+    window = max(window, float(np.sort(np.abs(distance))[_MIN_SAMPLES - 1]))
     is_near = np.abs(distance) <= window
-    if np.count_nonzero(is_near) < _MIN_SAMPLES:
-        is_near = np.abs(distance) <= np.sort(np.abs(distance))[_MIN_SAMPLES - 1]
     weights = np.vander(distance[is_near], 2)
     return np.asarray(np.linalg.lstsq(weights, signals[:, is_near].T, rcond=None)[0][1])

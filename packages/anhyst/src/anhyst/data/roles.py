@@ -202,9 +202,9 @@ def _find_input_and_output(
 def _find_coil_voltage(
     source: str, headers: Sequence[Header], description: FileDescription
 ) -> tuple[int, int] | None:
-    """Return the indices of the current and of the coil's voltage, from which the flux follows.
+    """Return the indices of the current and of the coil's voltage, whose integral is the flux.
 
-    ``None`` if a column can be another output: its quantity, its unit or a word says so. A sense
+    ``None`` if a column can be another output, by its quantity, its unit or a word. A sense
     coil is preferred, because its voltage does not depend on the resistance.
     """
     voltages = _find_coil_voltages(headers)
@@ -236,7 +236,7 @@ def _can_be_output(header: Header) -> bool:
 
 
 def _advise_coil_voltage(headers: Sequence[Header]) -> str:
-    """Return the option with which a voltage would be integrated; empty without one."""
+    """Return the remedy that would integrate a voltage; empty without a voltage."""
     voltages = _find_coil_voltages(headers)
     if not voltages or not any(header.quantity == QUANTITIES["current"] for header in headers):
         return ""
@@ -347,12 +347,12 @@ def _constants_in_si(source: str, constants: Mapping[str, float | str]) -> dict[
 
 
 def turns_ratio(source: str, constants: Mapping[str, float | str]) -> float:
-    """Return the turns of the coil over those of its sense coil, as the constants state them."""
+    """Return the turns of the coil over the turns of its sense coil, from the constants."""
     values = _constants_in_si(source, {name: constants.get(name, 0.0) for name in _TURNS})
     turns, sense_turns = (values[name][1] for name in ("turns", "sense_turns"))
     if turns <= 0.0 or sense_turns <= 0.0:
         raise InputError(
-            f"{source}: a sense coil needs its turns and those of the coil, both above 0, such as "
+            f"{source}: the turns of the coil or of the sense coil are missing, or not above 0; state both: "
             '--constants "turns=260,sense_turns=20"',
             code="turns-missing",
             key="turns",
