@@ -1,7 +1,7 @@
 """Measure virtual magnets by ``anhyst excite --voltage``, with warming and errors of the instruments.
 
-The resistance of the winding rises by about 2 % in a record. The voltage has noise and an offset of
-a thousandth of the resistive voltage, and the gaps have the zero error of the measurement.
+The resistance of the winding rises by about 2 % in a record. The voltage has an offset of a thousandth
+of the resistive voltage and noise, and the gaps have the zero error of the measurement.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from flux_magnets import gap_zero_of
 
 TIME_CONSTANT_S = 0.03
 """Largest flux linkage divided by the resistive voltage of the largest current."""
-CONTINUOUS_SHARE, THERMAL_S, RISE_K = 0.5, 30.0, 80.0
-VOLTAGE_ERROR, CURRENT_NOISE = 1e-3, 2e-4
+CONTINUOUS_SHARE, THERMAL_S, RISE_K = 0.5, 60.0, 80.0
+VOLTAGE_OFFSET, VOLTAGE_NOISE, CURRENT_NOISE = 1e-3, 3e-4, 2e-4
 VOLTAGE_RANGE = 3.0
 """Range of the voltage sensor, relative to the resistive voltage of the largest current."""
 CONVERTER_STEPS = 65535
@@ -73,7 +73,7 @@ class _Rig:
         voltage = self.resistance * largest
         instruments = {
             "current": (1.2 * largest, 0.0, CURRENT_NOISE * largest),
-            "voltage": (VOLTAGE_RANGE * voltage, VOLTAGE_ERROR * voltage, VOLTAGE_ERROR * voltage),
+            "voltage": (VOLTAGE_RANGE * voltage, VOLTAGE_OFFSET * voltage, VOLTAGE_NOISE * voltage),
         }
         return {
             name: NoisySensor(

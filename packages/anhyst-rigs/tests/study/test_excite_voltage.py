@@ -21,7 +21,7 @@ from anhyst_rigs.study.force_control import force_control
 from tests.refusals import refused
 from tests.study.measured_rigs import measured_rig
 
-RESISTANCE, CONTINUOUS_A, THERMAL_S, RISE_K = 12.0, 0.3, 30.0, 60.0
+RESISTANCE, CONTINUOUS_A, THERMAL_S, RISE_K = 12.0, 0.3, 60.0, 60.0
 VOLTAGE_SENSOR = """
 [[sensor]]
 of = "voltage"

@@ -36,8 +36,8 @@ GAP_COUNT, MIN_GAPS = 4, 3
 GAP_DECIMALS = 5
 """Decimals of a gap, m, that a feeler gauge can set."""
 REVERSALS_TO_PEAK = (
-    *(0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.6, 0.2, 0.6, 0.2, 1.0, 1.0, 0.4, 0.8, 0.4, 0.8),
-    *(0.0, 0.0, 0.3, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0, 0.0),
+    *(0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.6, 0.2, 0.6, 0.2, 1.0, 1.0, 1.0),
+    *(0.4, 0.8, 0.4, 0.8, 0.0, 0.0, 0.0, 0.3, 0.0, 0.3, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
 )
 """Reversal points; a repeated point is held as long as a ramp from zero to the peak."""
 RAMP_TIME_CONSTANTS = 4.0
