@@ -95,7 +95,7 @@ MEASURED: dict[str, tuple[str, tuple[str, ...], float]] = {
     "TEAM 32": ("steel_team32/loops.csv", ("--loop", "bmax_T"), 1.0),
     "ferrite core over gaps": (
         "ferrite_core_gaps/loops_by_gap.csv",
-        ("--columns", "I_A_scaled=I_A,U_M_V=psi_Wb"),
+        ("--columns", "I_A_scaled=I_A,U_M_V=psi_Wb", "--output", "flux_linkage"),
         0.1,
     ),
     "gadolinium": ("gadolinium_temperature/gd_T-025C.csv", (), 0.1),

@@ -18,6 +18,7 @@ from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.cross_validation import Refit, WithheldError, WithheldKind
 from anhyst.identification.default_search import FoundModel, search_each_gap, search_one_gap
 from anhyst.identification.fit_records import make_fit_records
+from anhyst.identification.flux_force import OutputName
 from anhyst.identification.model_building import make_model, make_response_form
 from anhyst.identification.objective import Objective
 from anhyst.identification.run import SearchRun
@@ -57,9 +58,9 @@ def reason(result: IdentifyResult) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", "flux_linkage"])
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
-def test_auto_finds_the_true_gap_map(gap_map: GapMap, output: str) -> None:
+def test_auto_finds_the_true_gap_map(gap_map: GapMap, output: OutputName) -> None:
     loops = loops_of(magnet(gap_map, output), noise=NOISE, samples=60)
-    result = identify(loops)
+    result = identify(loops, output=output)
     assert result.model.gap_map == gap_map
     left_out = fit_of(result).left_out
     assert set(left_out) == {"scaling", "reluctance", "circuit"}
@@ -169,9 +170,9 @@ def test_another_schedule_than_the_gap_works_the_same_way() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", "flux_linkage"])
-def test_a_reluctance_truth_passes_the_acceptance_test(output: str) -> None:
+def test_a_reluctance_truth_passes_the_acceptance_test(output: OutputName) -> None:
     loops = loops_of(magnet("reluctance", output), noise=NOISE, samples=60)
-    result = identify(loops, gap_map="reluctance")
+    result = identify(loops, gap_map="reluctance", output=output)
     assert fit_of(result).monotone is True
     check = result.model.check_over_gap()
     assert check is not None
@@ -190,7 +191,7 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", pytest.param("flux_linkage", marks=pytest.mark.slow)])
 def test_a_map_that_bends_between_the_gaps_is_not_selected(
-    output: str, monkeypatch: pytest.MonkeyPatch
+    output: OutputName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It fits every measured gap, so withheld gaps alone would select it."""
     loops = loops_of(magnet("reluctance", output), noise=0.1 * NOISE, samples=60)
@@ -204,9 +205,9 @@ def test_a_map_that_bends_between_the_gaps_is_not_selected(
 
     monkeypatch.setattr(model_selection, "make_model", bent)
     monkeypatch.setattr(candidates, "is_more_accurate", lambda *_: True)  # chance at the withheld gaps
-    assert identify(loops, law="effective-field").model.gap_map != "circuit"
+    assert identify(loops, law="effective-field", output=output).model.gap_map != "circuit"
     monkeypatch.setattr(model_selection, "make_model", make_model)
-    assert identify(loops, law="effective-field").model.gap_map == "circuit"
+    assert identify(loops, law="effective-field", output=output).model.gap_map == "circuit"
 
 
 def test_a_force_that_grows_with_the_gap_fails() -> None:

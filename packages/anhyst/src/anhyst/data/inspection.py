@@ -14,7 +14,7 @@ from anhyst.data.holes import find_holes
 from anhyst.data.initial_history import HistoryProposal, correct_histories_of_fast_loops, propose_histories
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
-from anhyst.data.path import History, find_branches
+from anhyst.data.path import ANHYSTERETIC, History, find_branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.recurrence import estimate_drift
 from anhyst.data.speeds import describe_rate
@@ -260,7 +260,7 @@ def _find_warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str
                 f"{name}: the output drifts by {figure.drift / height:.1%} of its height over the "
                 "record (cleaning step 'drift' removes it)"
             )
-        if figure.samples < 40:
+        if figure.samples < 40 and figure.history != ANHYSTERETIC:
             warnings.append(f"{name}: only {figure.samples} samples; 100 per loop are recommended")
         if figure.history.kind == "settled" and figure.proposed.kind == "demagnetised":
             warnings.append(f"{name}: stated as settled, but {figure.reason}")

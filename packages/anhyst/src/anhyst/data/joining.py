@@ -43,6 +43,16 @@ class SourceLoops:
     is_integrated: bool = False  # whether the output is the integral of a measured voltage
     has_blocks: bool = False  # whether breaks separate the loops
     stated_gap: tuple[float | None, str] | None = None  # gap in m, and the comment that states it
+    alternatives: tuple[SourceLoops, ...] = ()  # the same source with another output
+
+
+def match_outputs(parts: Sequence[SourceLoops]) -> list[SourceLoops]:
+    """Replace sources with several outputs by their alternatives with the output of the others."""
+    outputs = {part.output for part in parts if not part.alternatives}
+    return [
+        next((choice for choice in (part, *part.alternatives) if choice.output in outputs), part)
+        for part in parts
+    ]
 
 
 def join_loops(parts: Sequence[SourceLoops]) -> Loops:

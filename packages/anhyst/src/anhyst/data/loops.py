@@ -13,6 +13,7 @@ from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import Column, write_csv
 from anhyst.data.output_map import output_map
 from anhyst.data.path import (
+    ANHYSTERETIC,
     SETTLED,
     History,
     HistoryLike,
@@ -326,6 +327,30 @@ class Loops(Result):
                     "hysteresis in the record; record at least one ascending and one descending branch",
                     code="no-reversal",
                 )
+
+    def split_tables(self) -> tuple[Loops | None, Loops | None]:
+        """Return the single-valued loops without hysteresis, and the others; None instead of no loops."""
+        is_table = [loop.history == ANHYSTERETIC for loop in self.loops]
+        parts = [[loop for loop, flag in zip(self.loops, is_table, strict=True) if flag is kind]
+                 for kind in (True, False)]  # fmt: skip
+        tables, measured = (self.with_loops(loops) if loops else None for loops in parts)
+        return tables, measured
+
+    def with_return_branches(self) -> Loops:
+        """Return the set with a descending branch in each single-valued loop, equal to the ascending one.
+
+        A fit to both branches finds a model without hysteresis.
+        """
+
+        def append_return(loop: Loop) -> Loop:
+            rows = np.concatenate([np.arange(loop.n), np.arange(loop.n - 1)[::-1]])
+            schedule = None if loop.schedule is None else loop.schedule[rows]
+            return replace(loop, input=loop.input[rows], output=loop.output[rows], schedule=schedule)
+
+        return self.with_loops(
+            append_return(loop) if loop.history == ANHYSTERETIC and not loop.reverses else loop
+            for loop in self.loops
+        )
 
     def describe(self, loop: Loop) -> str:
         """Return the name of a loop for a message: its file, its label and its scheduling value."""

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -328,7 +328,7 @@ def correlation(x: FloatArray, y: FloatArray) -> float:
     return float(np.sum(x_deviation * y_deviation)) / scale if scale > 0.0 else 0.0
 
 
-HistoryKind = Literal["demagnetised", "settled", "conditioned"]
+HistoryKind = Literal["demagnetised", "settled", "conditioned", "anhysteretic"]
 
 _HISTORY_ADVICE = (
     "use demagnetised, settled or conditioned:0,2,0 (the drive's turning points in SI units; "
@@ -343,7 +343,8 @@ class History:
     ``demagnetised``: no history. ``settled``: the loop is a cycle that was repeated many times, after the
     drive had gone through ``turning_points``, if any. ``conditioned``: the drive went from the
     demagnetised state through ``turning_points`` (SI units of the input), just before the first
-    sample. ``schedule`` holds the scheduling variable at each turning point (SI units), or ``None``
+    sample. ``anhysteretic``: the values are single-valued and belong to no history, as in a simulated
+    table. ``schedule`` holds the scheduling variable at each turning point (SI units), or ``None``
     for the value of the loop. It is empty if all turning points were at that value.
     """
 
@@ -352,13 +353,18 @@ class History:
     schedule: tuple[float | None, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.kind not in {"demagnetised", "settled", "conditioned"}:
+        if self.kind not in get_args(HistoryKind):
             raise InputError(
                 f"history '{self.kind}' is not known; {_HISTORY_ADVICE}",
                 code="unknown-history",
                 key="history",
             )
-        wrong_by_kind = {"conditioned": not self.turning_points, "demagnetised": bool(self.turning_points)}
+        has_points = bool(self.turning_points)
+        wrong_by_kind = {
+            "conditioned": not has_points,
+            "demagnetised": has_points,
+            "anhysteretic": has_points,
+        }
         if wrong_by_kind.get(self.kind, False):
             raise InputError(
                 f"history '{self.kind}' with the wrong turning points; {_HISTORY_ADVICE}",
@@ -416,7 +422,7 @@ class History:
         """
         kind, colon, points_text = text.strip().partition(":")
         kind = kind.strip().lower().replace("demagnetized", "demagnetised")
-        if kind not in {"demagnetised", "settled", "conditioned"}:
+        if kind not in get_args(HistoryKind):
             raise InputError(
                 f"history '{text}' is not known; {_HISTORY_ADVICE}", code="unknown-history", key="history"
             )
@@ -464,3 +470,4 @@ def history_text(history: HistoryLike) -> str:
 
 SETTLED = History("settled")
 DEMAGNETISED = History("demagnetised")
+ANHYSTERETIC = History("anhysteretic")

@@ -14,7 +14,15 @@ import numpy as np
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import output_map
-from anhyst.data.path import branch_separation, correlation, find_branches, find_runs, is_bipolar, is_negative
+from anhyst.data.path import (
+    ANHYSTERETIC,
+    branch_separation,
+    correlation,
+    find_branches,
+    find_runs,
+    is_bipolar,
+    is_negative,
+)
 from anhyst.data.symmetry import check_not_even, recentre_loops
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
@@ -81,7 +89,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
             warnings += _check_loop_direction(loopset, loop, name, is_even=is_even)
         _check_branch_order(loopset, loop, name)
         warnings += _check_clipping(loopset, loop, name)
-        if not loop.reverses:
+        if not loop.reverses and loop.history != ANHYSTERETIC:
             warnings.append(f"{name}: the input never reverses, so the record shows no hysteresis")
     return tuple(warnings)
 

@@ -29,7 +29,7 @@ from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, pa
 from anhyst.data.headers import map_headers
 from anhyst.data.initial_history import correct_histories_of_fast_loops, propose_histories
 from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_files
-from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
+from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops, match_outputs
 from anhyst.data.loop_consistency import refuse_different_loops
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import COIL_VOLTAGES, OUTPUT_MAPS, measured_quantity
@@ -47,6 +47,7 @@ from anhyst.data.roles import (
     turns_ratio,
 )
 from anhyst.data.sidecar import FileDescription
+from anhyst.data.simulated_tables import read_simulated_table
 from anhyst.data.table import LOOP_SOURCES_TEXT, check_source, find_clocks, frame_to_table, is_data_frame
 from anhyst.data.used_rows import UsedRows
 from anhyst.data.wide_tables import refuse_wide_table
@@ -172,7 +173,7 @@ def read_loops(
         source_loops.append(_read_table(open_table(path), name, file_description, progress))
         if source_loops[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
             refuse_contradicting_gap(path, [loop.schedule_value for loop in source_loops[-1].loops])
-    loops = join_loops(_fill_in_histories(apply_stated_gaps(source_loops)))
+    loops = join_loops(_fill_in_histories(apply_stated_gaps(match_outputs(source_loops))))
     loops = replace(loops, notes=(*note_skipped_files(paths, files), *loops.notes))
     if gaps:
         return replace(loops, notes=(describe_name_gaps(gaps), *loops.notes))
@@ -208,6 +209,8 @@ def _read_table(
     """Read a table; ``name`` labels its loop if the table has no label."""
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
+    if (simulated := read_simulated_table(table, headers, description, name)) is not None:
+        return simulated
     refuse_wide_table(source_name, headers)
     _refuse_one_channel(source_name, headers)
     first_rows = table.first_rows(MIN_LOOP_SAMPLES)

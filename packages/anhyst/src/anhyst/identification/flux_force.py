@@ -50,12 +50,16 @@ _AREA_SIGMA = 0.05
 
 _NEGLIGIBLE_DRIFT = 5e-4
 
+_LARGE_DEVIATION = 3e-3
+"""Rms deviation of the fit, relative to the largest flux linkage, above which a warning is given."""
+
 _REPEATED_FITS = 12
 _LEVELS = 12
 _MEAN_FACTOR = 2.5
 _WORST_FACTOR = 1.5
-"""Ratio of the stated uncertainty to the scatter of repeated fits. With these factors, the stated
-uncertainty covers about nine of ten virtual magnets of several families."""
+_DEVIATION_FACTOR = 1.4
+"""Ratios of the stated uncertainty to the scatter of repeated fits and to the deviations of the model.
+With these factors, the stated uncertainty covers about nine of ten virtual magnets."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +137,9 @@ def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> Deri
     )
     corrected = flux.corrected_loops(loops)
     force_loops = flux.force_loops(corrected)
-    moved_loops = flux.force_loops(_move_between_gaps(corrected, flux))
-    fitted_loops = force_loops.with_loops([*force_loops.loops, *moved_loops.loops])
+    has_table = force_loops.split_tables()[0] is not None
+    moved_loops = () if has_table else flux.force_loops(_move_between_gaps(corrected, flux)).loops
+    fitted_loops = force_loops.with_loops([*force_loops.loops, *moved_loops])
     return DerivedForce(force_loops, fitted_loops, flux, _warnings(fit))
 
 
@@ -255,7 +260,8 @@ def state_uncertainty(flux: FluxMap, fit: FitFigures) -> FluxMap:
     """Return a flux map whose uncertainty includes the deviations of the model from the loops."""
     assert flux.mean_uncertainty is not None
     assert flux.worst_uncertainty is not None
-    mean = math.hypot(_MEAN_FACTOR * flux.mean_uncertainty, fit.mean_abs / fit.largest_output)
+    mean_deviation = _DEVIATION_FACTOR * fit.mean_abs / fit.largest_output
+    mean = math.hypot(_MEAN_FACTOR * flux.mean_uncertainty, mean_deviation)
     worst = _WORST_FACTOR * math.hypot(flux.worst_uncertainty, fit.worst / fit.largest_output)
     return replace(flux, mean_uncertainty=mean, worst_uncertainty=worst)
 
@@ -284,5 +290,10 @@ def _warnings(fit: CircuitFit) -> tuple[str, ...]:
             "the flux linkage starts at zero although the iron was not demagnetised: its remanence was "
             "estimated, and small forces are uncertain; demagnetise the iron before the record, or drive "
             "the current in both directions"
+        )
+    if fit.flux_rms > _LARGE_DEVIATION:
+        warnings.append(
+            f"the magnetic circuit follows the flux linkage only within {100.0 * fit.flux_rms:.2g} % rms of its "
+            "largest value, as if several parts of the magnet saturated; calibrate the force with a reading"
         )
     return tuple(warnings)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.path import find_turning_points, is_bipolar
+from anhyst.data.path import ANHYSTERETIC, find_turning_points, is_bipolar
 from anhyst.model.flux_map import elapsed_fraction
 from anhyst.support.numeric import FloatArray
 
@@ -86,6 +86,7 @@ def prepare_records(loops: Loops) -> FluxRecords:
         current, flux = current / current_scale, flux / flux_scale
         before = _flux_before(loop, current, flux, current_scale)
         size, slope = current.size, _mean_slope(current, flux)
+        has_hysteresis = loop.history != ANHYSTERETIC  # a simulated table has no drift either
         zero_slope = slope[np.abs(current).argmin()] if starts_at_unknown_flux(loop) else 0.0
         columns.append(
             (
@@ -93,10 +94,10 @@ def prepare_records(loops: Loops) -> FluxRecords:
                 flux,
                 np.full(size, float(loop.schedule_value or 0.0) / gap_scale),
                 slope,
-                _move_stops(np.concatenate([before, flux]))[before.size :],
+                _move_stops(np.concatenate([before, flux]))[before.size :] * has_hysteresis,
                 np.full(size, index),
                 np.full(size, zero_slope),
-                elapsed,
+                elapsed * has_hysteresis,
             )
         )
     current, flux, gap, weight, stops, record, zero_slope, elapsed = map(
@@ -112,7 +113,7 @@ def starts_at_unknown_flux(loop: Loop) -> bool:
     Without demagnetisation and with one sign of the current, iron keeps a remanent flux. A record
     that returns to no flux at rest has lost it.
     """
-    if loop.history.kind == "demagnetised" or is_bipolar(loop.input):
+    if loop.history.kind in {"demagnetised", "anhysteretic"} or is_bipolar(loop.input):
         return False
     size = np.abs(loop.input)
     if size.min() > _MAX_REST_CURRENT * size.max():
@@ -142,7 +143,7 @@ def _smooth_ramps(loop: Loop) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _flux_before(loop: Loop, current: FloatArray, flux: FloatArray, current_scale: float) -> FloatArray:
     """Return the flux linkages at the reversals before a record, estimated from the record itself."""
-    if loop.history.kind == "demagnetised":
+    if loop.history.kind in {"demagnetised", "anhysteretic"}:
         return np.zeros(0)
     points = np.array(loop.history.turning_points) / current_scale
     if not points.size:

@@ -47,6 +47,7 @@ from anhyst.identification.sensor_delay import (
     remove_sensor_delay,
 )
 from anhyst.identification.space import SERIES_MAPS
+from anhyst.identification.table_width import add_measured_width
 from anhyst.identification.uncertainty import (
     assess_uncertainty,
     free_unresolved_cells,
@@ -67,6 +68,11 @@ SEARCHES = ("default", "paper")
 
 MAX_RATE_CORRECTIONS = 3
 """Maximum number of searches for the static model in slow loops without their rate effect."""
+
+NO_HYSTERESIS_TEXT = (
+    "none: the data are a table with one value for each current; to add it, measure a loop and give both "
+    "files"
+)
 
 AUTO = "auto"  # laws and gap maps are compared, and the best is selected
 
@@ -97,6 +103,8 @@ def identify(
     plausibility_warnings = check_plausible(loops)
     derived, flux_warnings = _derive_wanted_force(loops, output, calibration, seed)
     loops = loops if derived is None else derived.fitted_loops
+    tables, measured = loops.split_tables()
+    loops = tables.with_return_branches() if tables else loops
     can_fit_rate = rate and search == "default" and not _needs_creep_fit(loops, law, search)
     loops = spread_equal_times(loops) if can_fit_rate else loops
     speeds, delay_text = group_by_speed(loops) if can_fit_rate else None, ""
@@ -120,7 +128,8 @@ def identify(
         run = SearchRun(
             form=make_response_form(static_loops.input, static_loops.output, law_name),
             shapes=cells,
-            needs_cells=law != AUTO or static_loops is not loops,  # their layers compile
+            # their layers compile, and they get the width of loops measured in addition to a table
+            needs_cells=law != AUTO or static_loops is not loops or bool(tables and measured),
             records=make_fit_records(static_loops, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
@@ -142,14 +151,19 @@ def identify(
         )
 
     outcome = _fit_all_speeds(loops, fit_static, speeds)
-    if derived is not None:  # computed loops are not part of the result
-        loops = loops.with_loops(loops.loops[: len(derived.loops)])
-        outcome = replace(outcome, expected_error=None)  # the computed loops would flatter it
+    if derived is not None:  # computed loops are not part of the result, and would flatter its error
+        loops = loops.with_loops(loops.loops[: len(derived.loops)]) if tables is None else loops
+        outcome = replace(outcome, expected_error=None)
+    valid, hysteresis = valid_range(loops), NO_HYSTERESIS_TEXT if tables else ""
+    loops = (measured or tables) if tables else loops
+    if tables and measured:
+        outcome, valid, hysteresis = add_measured_width(outcome, measured, valid)
     lag = describe_coil_lag(loops)
     unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
     rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""
     notes = filter(None, (lag, delay_text or unclear_delay, rate_warning))
-    warnings = [*plausibility_warnings, *flux_warnings, *notes, *_warnings(loops, outcome)]
+    notes_or_warnings = loops.notes if tables else _warnings(loops, outcome)
+    warnings = [*plausibility_warnings, *flux_warnings, *notes, *notes_or_warnings]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -159,6 +173,7 @@ def identify(
         "gap_map_wanted": gap_map,
         "gap_map_reason": outcome.map_reason,
         "dead_band": outcome.dead_band,
+        **({"hysteresis": hysteresis} if hysteresis else {}),
         **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
         **({"sensor_delay": delay_text} if delay_text else {}),
     }
@@ -166,7 +181,7 @@ def identify(
     common_records = {
         "name": _model_name(loops),
         "history": Counter(histories).most_common(1)[0][0],
-        "valid": valid_range(loops),
+        "valid": valid,
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
     }
     model = replace(outcome.model, **common_records, reduction=outcome.steps)  # type: ignore[arg-type]
@@ -203,14 +218,14 @@ def _derive_wanted_force(
     loops: Loops, output: OutputName, calibration: ForceCalibration | None, seed: int
 ) -> tuple[DerivedForce | None, tuple[str, ...]]:
     """Return the force of loops of flux linkage if it is wanted, and warnings."""
-    reason = find_no_force_reason(loops)
+    is_flux = (loops.input.name, loops.output.name) == ("current", "flux_linkage")
     is_required = output == "force" or calibration is not None
-    if output == "flux_linkage" or (loops.output.name == "force" and not is_required):
+    if output == "flux_linkage" or (loops.output.name == "force" and calibration is None):
         return None, ()
+    reason = find_no_force_reason(loops)
     if reason and is_required:
         raise InputError(reason, code="force-not-derived", key="output")
     if reason:
-        is_flux = loops.output.name == "flux_linkage" and loops.input.name == "current"
         return None, (f"no force: {reason}",) if is_flux else ()
     derived = derive_force(loops, calibration or ForceCalibration(), seed)
     return derived, derived.warnings

@@ -227,8 +227,10 @@ def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[Outpu
     """Return the terminal output: the deviations, the choices and their reasons."""
     model, fit = result.model, result.model.fit
     yield f"{arguments['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
-    yield from _show_fit(model)
     settings = model.provenance.settings
+    if hysteresis := settings.get("hysteresis"):
+        yield f"hysteresis: {hysteresis}"
+    yield from _show_fit(model)
     if reason := settings.get("law_reason"):
         yield str(reason)
     yield from _list_offsets(model)

@@ -18,6 +18,7 @@ from anhyst.data.formats.encoding import is_text
 from anhyst.data.formats.excel import is_workbook, open_excel
 from anhyst.data.formats.hdf5 import open_hdf5, write_hdf5
 from anhyst.data.formats.mat import open_mat, write_mat
+from anhyst.data.formats.matrices import open_matrices
 from anhyst.data.formats.mdf import open_mdf, write_mdf
 from anhyst.data.formats.parquet import open_parquet, write_parquet
 from anhyst.data.formats.tdms import open_tdms, write_tdms
@@ -119,7 +120,8 @@ def open_table(path: PathLike, min_columns: int = 2) -> OpenTable:
     if head.startswith(b"PK") and is_workbook(path):
         return open_excel(path, min_columns)
     is_misnamed = opener_of_name in _BINARY_OPENERS and bool(head) and is_text(head)
-    table = (open_text if is_misnamed else opener_of_name)(path, min_columns)
+    opener = open_text if is_misnamed else opener_of_name
+    table = (open_matrices(path) if opener is open_text else None) or opener(path, min_columns)
     if isinstance(table, MemoryTable) and not table.sha256:  # format of another package
         return replace(table, sha256=file_sha256(path))
     return table

@@ -191,6 +191,12 @@ def open_mat(path: Path) -> ChannelFile:
             code="not-a-mat-file",
         )
     channels = assign_clocks_by_name(find_channels(tree))
+    if {"Id", "Iq", "Fd", "Fq"} <= {re.sub(r"_\d+$", "", channel.name) for channel in channels}:  # SyR-e
+        raise InputError(
+            f"{path}: is the map of a motor with two axes (Id, Iq, Fd, Fq), but a magnet has one current; save "
+            "its current, gap and flux linkage as I_A, gap_mm and psi_Wb",
+            code="two-axes",
+        )
     unread_names = [f"'{name}' is a {kind} object" for name, kind in objects]
     if unread_names and not channels:
         raise InputError(

@@ -12,6 +12,7 @@ import numpy as np
 from anhyst.data.formats.channels import MAX_CHANNELS, Channel, Values
 from anhyst.data.formats.hdf5 import MAX_GROUP_DEPTH, check_dataset, is_link
 from anhyst.support.errors import InputError
+from anhyst.support.units import parse_header
 
 MatTree = Mapping[str, Any]
 """Variables or fields by name: trees, lists of trees, texts and `MatArray`."""
@@ -88,7 +89,7 @@ def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> 
 def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
     """Return the channels of a file or a group in any layout."""
     channels: list[Channel] = []
-    for name, node in tree.items():
+    for name, node in (_unfold_map(tree) or tree).items():
         path = f"{group}/{name}" if group else name
         if _is_array(node):
             channels += _array_channels(name, node, group)
@@ -101,6 +102,27 @@ def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
                 elif _is_array(member):
                     channels += _array_channels(f"{name}_{number}", member, group)
     return channels
+
+
+def _unfold_map(tree: MatTree) -> MatTree | None:
+    """Return matrices over current and length, and vectors of their sides, as columns of equal length."""
+    arrays = {name: node for name, node in tree.items() if _is_array(node) and not node.is_text}
+    shapes = {name: tuple(side for side in array.shape if side != 1) for name, array in arrays.items()}
+    matrix_shapes = {shape for shape in shapes.values() if len(shape) == 2}
+    dimensions = {unit.dimension for name in arrays if (unit := parse_header(name).unit) is not None}
+    if len(matrix_shapes) != 1 or not {"current", "length"} <= dimensions:
+        return None
+    shape = matrix_shapes.pop()
+    fitting = {name: array for name, array in arrays.items() if shapes[name] in {shape, shape[:1], shape[1:]}}
+    if shape[0] == shape[1] and any(len(shapes[name]) == 1 for name in fitting):
+        return None  # the side of a vector is not known
+    columns = {name: np.squeeze(array.read()) for name, array in fitting.items()}
+    columns = {
+        name: values[:, None] if values.shape == shape[:1] else values for name, values in columns.items()
+    }
+    return {
+        name: ArrayInMemory(np.broadcast_to(values, shape).reshape(-1)) for name, values in columns.items()
+    }
 
 
 def _structure_channels(name: str, node: MatTree, group: str, path: str) -> list[Channel]:

@@ -330,7 +330,9 @@ def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str
         text = comments[-1].strip().lstrip(_COMMENT_SIGNS)
         whole_comment = comments[-1].strip()  # a row number may be called '#'
         field_choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)]
-        for fields in (*field_choices, re.split(r"\s{2,}|\t", text)):
+        # COMSOL separates long names by one blank after their unit.
+        splits = [re.split(sign, text) for sign in (r"\s{2,}|\t", r"\s{2,}|(?<=\))\s")]
+        for fields in (*field_choices, *splits):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(

@@ -1,5 +1,7 @@
 """Convert text files with several tables, or without times, to one table: LabVIEW and aixACCT.
 
+The columns of Elmer's scalars, whose names are in a second file, are found here too.
+
 The file is rewritten in memory as one table with the same line numbers, so that messages name the
 correct line. Lines that are not data become blank. Each row gets its time and the label of its
 table.
@@ -11,6 +13,7 @@ import math
 import re
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 from anhyst.data.formats.channels import MAX_BYTES, is_number, is_number_or_mark, parse_number
@@ -21,11 +24,21 @@ from anhyst.support.errors import InputError
 
 _LABVIEW_START = re.compile(rb"\s*LabVIEW Measurement", re.IGNORECASE)
 _TABLE_TITLE = re.compile(r"\s*\[?(Table|Contour)\s+(\d+)\]?\s*:?\s*", re.IGNORECASE)
+_ELMER_NAME = re.compile(r"^\s*\d+\s*:\s*(?:res\s*:\s*)?(.*\S)\s*$", re.M)
+_ELMER_UNITS = (
+    (re.compile(r"gap|position|displacement|stroke|\bx\b", re.I), "m"),
+    (re.compile(r"flux|linkage|\bpsi\b", re.I), "Wb"),
+    (re.compile(r"force", re.I), "N"),
+    (re.compile(r"current|\bi_", re.I), "A"),
+)
+"""Units of Elmer's columns, by words of their names."""
 _END_OF_HEADER = "***end_of_header***"
 
 
 def join_sections(path: Path, head: bytes, content: bytes | None) -> tuple[bytes | None, TextColumns | None]:
     """Return a file as one table, and its columns; other files are unchanged."""
+    if (names := _read_elmer_names(path)) is not None:
+        return content, names
     start = (content[: len(head)] if content is not None else head).removeprefix(b"\xef\xbb\xbf")
     is_labview = _LABVIEW_START.match(start) is not None
     is_aixacct = re.search(rb"^\s*\[?Table\s+\d+\]?\s*:?\s*$", start, re.M | re.I) is not None
@@ -43,6 +56,17 @@ def join_sections(path: Path, head: bytes, content: bytes | None) -> tuple[bytes
     notes = [f"table {section.label} has other columns and is left out" for section in other_tables]
     rows, columns = _merge_sections(sections, len(lines), notes)
     return ("\n".join(rows) + "\n").encode(), columns
+
+
+def _read_elmer_names(path: Path) -> TextColumns | None:
+    """Return the columns that Elmer's `SaveScalars` names in a second file, which are in SI units."""
+    names_path = path.with_name(f"{path.name}.names")
+    text = names_path.read_text(encoding="utf-8", errors="replace") if names_path.is_file() else ""
+    _, start, list_text = text.partition("Variables in columns of matrix")
+    names = [match[1] for match in _ELMER_NAME.finditer(list_text)]
+    units = [next((unit for words, unit in _ELMER_UNITS if words.search(name)), "") for name in names]
+    columns = tuple(Column(*names_and_units) for names_and_units in zip(names, units, count(), strict=False))
+    return TextColumns(0, None, len(columns), columns) if start and columns else None
 
 
 @dataclass
