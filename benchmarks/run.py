@@ -37,7 +37,7 @@ MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "forc
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
            "actuators", "fleet")  # fmt: skip
-SLOW_MODULES = ("search", "solid", "rate", "meander", "creeping", "sampled_stages")
+SLOW_MODULES = ("search", "solid", "rate", "meander", "creeping", "sampled_stages", "flux", "flux_control")
 """Modules that take so long that they run only if they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 

@@ -98,6 +98,7 @@ class RigFile(Table):
     # sensor that measures the force of the loops
     force_sensor: ClassVar = RequiredTable("sensors", sensor_table.ForceSensorTable)
     hall_probe: ClassVar = OptionalTable("sensors", sensor_table.FluxSensorTable)
+    coil_sensor: ClassVar = OptionalTable("sensors", sensor_table.VoltageSensorTable)
     # sensor of the position in space
     position_sensor: ClassVar = RequiredTable("sensors", sensor_table.PositionSensorTable)
     step: ClassVar = RequiredTable("cases", case_table.StepCase)

@@ -18,6 +18,7 @@ from anhyst.data.input_files import list_input_files
 from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
+from anhyst.identification.flux_force import ForceCalibration, derive_force, find_no_force_reason
 from anhyst.identification.identify import check_options
 from anhyst.identification.run import IdentifyTable, require_complete
 from anhyst.laws import LAWS
@@ -105,6 +106,8 @@ class ExciteTable(Table):
     force_max_N: Positive | None = None
     continuous_A: Positive | None = None
     thermal_s: Positive | None = None
+    rise_K: NotNegative = 80.0  # temperature rise at continuous_A
+    current_low_A: Annotated[float, Field(le=0.0)] | None = None  # lowest current of the source
 
     @model_validator(mode="after")
     def _check_thermal_keys(self) -> Self:
@@ -150,15 +153,27 @@ class MeasuredLoops:
             raise faults_error(self.rig, [FileFault(_FILES_KEY, str(error), code=error.code)]) from error
 
     def read(self) -> Loops:
-        """Read the loops and clean their data."""
+        """Read the loops and clean their data; derive the force from loops of flux linkage."""
         if not self.files:
             raise InputError(f"{self.description}: no loops", code="no-loops")
         loops = self.options.read_options(self.rig.parent).read(self.paths)
+        if self.output == "force" and loops.output.name == "flux_linkage":
+            loops = self._derive_force(loops)
         if not is_actuator(loops) or loops.schedule is None or loops.output.name != self.output:
             column = f"{QUANTITIES[self.output].symbol}_N"
             text = f"{self.description}: this rig needs columns I_A, {column} and gap_m"
             raise InputError(text, code="columns-missing")
         return loops
+
+    def _derive_force(self, loops: Loops) -> Loops:
+        """Return the loops of force that follow from loops of flux linkage."""
+        if reason := find_no_force_reason(loops):
+            raise InputError(f"{self.description}: {reason}", code="force-not-derived")
+
+        def derive() -> Loops:
+            return derive_force(loops, ForceCalibration(), self.options.seed).loops
+
+        return cached_result("forces", derive, loops, self.options.seed)
 
 
 def identify_faults(options: IdentifyTable) -> list[FileFault]:

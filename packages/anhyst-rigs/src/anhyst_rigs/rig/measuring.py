@@ -157,10 +157,13 @@ class HeldBearing:
         sensor_seed = [settings.seed, *seed]
         # Slow loops have no low-pass filter.
         shunt = current.plant_parameters(sample) | {"share": 1.0}
-        return {
+        sensors = {
             "current": NoisySensor(shunt, [*sensor_seed, 0]),
             "force": NoisySensor(force.plant_parameters(sample), [*sensor_seed, 1]),
         }
+        if (coil := settings.coil_sensor) is not None:
+            sensors["voltage"] = NoisySensor(coil.plant_parameters(sample), [*sensor_seed, 2])
+        return sensors
 
 
 def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:

@@ -145,6 +145,25 @@ class FluxSensorTable(DigitisedSensorTable):
     gain_error: GainError = 0.0
 
 
+class VoltageSensorTable(DigitisedSensorTable):
+    """``of = "voltage"``: a voltmeter at the coil or at a sense coil."""
+
+    of: Literal["voltage"]
+    range_V: Positive
+    adc_bits: Bits
+    noise_V: NotNegative
+    offset_V: Number = 0.0
+    gain_error: GainError = 0.0
+    turns: Positive | None = None  # turns of a sense coil; None: the winding itself
+
+    def plant_parameters(self, seconds: float) -> dict[str, float]:
+        """Return the fields of ``anhyst_plant_sensor``; the mean of a sample needs no low-pass."""
+        step = 2.0 * self.range_V / ((1 << self.adc_bits) - 1)
+        limits = {"low": -self.range_V, "high": self.range_V, "step": step}
+        errors = {"gain": 1.0 + self.gain_error, "offset": self.offset_V, "noise": self.noise_V}
+        return limits | errors | {"share": 1.0, "delay": 0}
+
+
 class PositionSensorTable(Table):
     """``of = "position"``: a sensor for the body's position in space, such as an interferometer."""
 
@@ -181,8 +200,9 @@ SensorEntry = Annotated[
     | Annotated[CurrentSensorTable, Tag(f"{BRANCH_PREFIX}current")]
     | Annotated[ForceSensorTable, Tag(f"{BRANCH_PREFIX}force")]
     | Annotated[FluxSensorTable, Tag(f"{BRANCH_PREFIX}flux")]
+    | Annotated[VoltageSensorTable, Tag(f"{BRANCH_PREFIX}voltage")]
     | Annotated[PositionSensorTable, Tag(f"{BRANCH_PREFIX}position")],
-    discriminate_by("of", "gap", "current", "force", "flux", "position"),
+    discriminate_by("of", "gap", "current", "force", "flux", "voltage", "position"),
 ]
 
 
@@ -204,4 +224,4 @@ class NoisySensor:
 
 
 Sensors = Mapping[str, NoisySensor]
-"""Sensors by their quantity: ``current``, ``force`` and optionally ``gap``."""
+"""Sensors by their quantity: ``current``, ``force`` and optionally ``gap`` and ``voltage``."""

@@ -22,6 +22,7 @@ def excite(
     out: PathLike,
     *,
     calibrate: Literal[False] = False,
+    voltage: bool = False,
     plot: PathLike | None = None,
     folder: PathLike | None = None,
     xcp: str | None = None,
@@ -41,6 +42,7 @@ def excite(
     out: PathLike,
     *,
     calibrate: bool = False,
+    voltage: bool = False,
     plot: PathLike | None = None,
     folder: PathLike | None = None,
     xcp: str | None = None,
@@ -67,6 +69,9 @@ def excite(
     calibrate : bool
         Instead, run the shortest motion of a stage that reveals the errors of its magnets. FILE is
         then the recording for anhyst calibrate.
+    voltage : bool
+        Measure the voltage of the coil instead of the force, at four gaps. The flux linkage follows
+        from it, and the force from the flux linkage.
     plot : path-like, ``FILE``, optional
         Picture of the drive and the loops, or of the motion (png, svg or pdf).
     folder : path-like, ``FOLDER``, optional
@@ -92,6 +97,8 @@ def excite(
     --------
     anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
 
+    anhyst excite examples/solenoid/rig.toml --voltage --out coil.csv
+
     anhyst excite --calibrate examples/stage/rig.toml --out run.csv
     """
     from anhyst.support.atomic import check_path, check_picture, write_figure
@@ -99,11 +106,12 @@ def excite(
     from anhyst_rigs.reports.excitation import figure_excitation
     from anhyst_rigs.study.bench import controller_url, measure_through_board
     from anhyst_rigs.study.excite.excite import excite as work
+    from anhyst_rigs.study.excite.voltage import measure_voltage
     from anhyst_rigs.study.tracking.excitation import excite_to_calibrate
 
     if calibrate:
-        if folder or xcp or port:
-            text = "--calibrate: uses the simulated stage; omit --folder, --xcp and --port"
+        if folder or xcp or port or voltage:
+            text = "--calibrate: uses the simulated stage; omit --folder, --xcp, --port and --voltage"
             raise InputError(text, code="option-not-for-this", key="--calibrate")
         return excite_to_calibrate(rig, out, plot=plot)
     check_path(rig, "excite: rig", "the path of a rig file")
@@ -114,8 +122,11 @@ def excite(
     if (url is None) is not (folder is None):
         text = "--folder: needs --xcp or --port, and these need --folder"
         raise InputError(text, code="options-missing", key="--folder")
+    if voltage and url is not None:
+        text = "--voltage: a force controller does not record the voltage of the coil; omit --xcp and --port"
+        raise InputError(text, code="option-not-for-this", key="--voltage")
     connection = None if folder is None or url is None else measure_through_board(folder, url)
-    excitation = work(rig, out, progress, connection)
+    excitation = work(rig, out, progress, measure_voltage if voltage else connection)
     if plot is not None:
         write_figure(figure_excitation(excitation), plot)
     return excitation
@@ -147,15 +158,18 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
     figures = excitation.as_dict()
     specimen, unit = excitation.specimen, excitation.specimen.units[0]
     gap = ["gap mm"] if specimen.gaps else []
-    output_heading, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
-    headings = [*gap, f"largest {unit}", output_heading, f"operating point {unit}", "limited by"]
+    output_heading, factor = {"displacement": ("stroke µm", 1e6), "voltage": ("voltage V", 1.0)}.get(
+        specimen.output, ("force N", 1.0)
+    )
+    operating = [] if specimen.output == "voltage" else [f"operating point {unit}"]
+    headings = [*gap, f"largest {unit}", output_heading, *operating, "limited by"]
     table = TerminalTable(f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", headings)
     for place in excitation.probed_gaps:
         table.add_row(
             *([f"{1e3 * place.gap:g}"] if gap else []),
             f"{place.peak.value:.4g}",
             f"{factor * place.largest_force:.4g}",
-            f"{place.operating_current:.4g}",
+            *([f"{place.operating_current:.4g}"] if operating else []),
             place.peak.key,
         )
     minutes = figures["duration_s"] / 60.0

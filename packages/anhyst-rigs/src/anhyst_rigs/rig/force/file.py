@@ -139,8 +139,8 @@ class ForceControlRig:
     def sensor_parameters(self, seconds: float) -> dict[str, dict[str, float]]:
         """Return the parameters of all sensors for a sampling time, s."""
         file = self.settings
-        tables = (file.current_sensor, file.gap_sensor, file.force_sensor)
-        return {table.of: table.plant_parameters(seconds) for table in tables}
+        tables = (file.current_sensor, file.gap_sensor, file.force_sensor, file.coil_sensor)
+        return {table.of: table.plant_parameters(seconds) for table in tables if table is not None}
 
     def make_sensors(self, seed: list[int], sample: float | None = None) -> Sensors:
         """Return the sensors with independent noise; the default sampling time is one tick, s."""

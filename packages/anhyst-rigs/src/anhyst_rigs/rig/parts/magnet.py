@@ -293,6 +293,7 @@ class CircuitTable(Table):
     """``[circuit]`` of a solenoid file: winding and poles."""
 
     turns: Annotated[int, Field(ge=1)]
+    resistance_ohm: Positive | None = None  # winding resistance
     slide_reluctance_per_H: NotNegative  # reluctance of the sliding clearance
     leakage_H: NotNegative  # permeance parallel to the working gap
     face_area_m2: Positive  # area of the plunger's flat face

@@ -9,7 +9,7 @@ the peak, which is the largest current at the gap.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -40,6 +40,7 @@ class Winding:
 
     continuous_current: float  # largest continuous current, A
     time_constant: float  # thermal time constant, s
+    rise: float = 0.0  # temperature rise at this current, K
 
     def warmth_along(self, current: FloatArray, dt: float, initial_warmth: float = 0.0) -> FloatArray:
         """Return the warmth after each sample of a current, A, with a sample interval `dt`, s."""
@@ -96,6 +97,15 @@ class Supply:
 
 
 @dataclass(frozen=True, slots=True)
+class MeasuredCoil:
+    """A winding whose voltage is measured at its terminals, or at a sense coil."""
+
+    turns: float
+    resistance: float | None  # resistance of the cold winding, ohm; None: unknown
+    sense_turns: float | None  # turns of the sense coil; None: the terminals of the winding
+
+
+@dataclass(frozen=True, slots=True)
 class Specimen:
     """The magnet or piezo stage that is measured, and its limits.
 
@@ -122,6 +132,8 @@ class Specimen:
     is_bipolar: bool = False  # whether the current can have both signs
     supply: Supply | None = None  # None if the largest rate does not depend on the current
     max_fast_rate: Bound | None = None  # limit of the rate of fast cycles; None: `max_rate`
+    has_own_gaps: bool = False  # whether [excite] gives the gaps
+    coil: MeasuredCoil | None = None  # None if no sensor measures a voltage of the coil
 
     @property
     def units(self) -> tuple[str, str]:
@@ -161,6 +173,7 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         supply_rate=Bound(supply.rate_at(campaign.current_max_A), "amplifier.supply_V"),
         supply=supply,
         sensor_force=min(forces, key=lambda limit: limit.value),
+        coil=_measured_coil(settings, poles.turns, poles.resistance),
     )
     return replace(
         specimen,
@@ -194,7 +207,12 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
     """Return the actuator of a force rig as specimen; its magnet must be complete."""
     settings = rig.settings
     amplifier, excite, force = settings.amplifier, settings.excite, settings.force
-    file = rig.solenoid_file
+    file, coil = rig.solenoid_file, None
+    if file is not None:
+        coil = _measured_coil(settings, file.circuit.turns, file.circuit.resistance_ohm)
+    elif settings.coil_sensor is not None:
+        poles = settings.magnet.poles
+        coil = _measured_coil(settings, poles.turns, poles.resistance)
     campaign = None if file is None else file.measurement
     default_gaps = sorted({force.end_m, *settings.held_case.gaps_m}) if campaign is None else campaign.gaps_m
     return _make_specimen(
@@ -210,7 +228,13 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         min_current=0.0,
         supply_rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
         sensor_force=Bound(USED_SENSOR_RANGE_FRACTION * settings.force_sensor.high_N, "force_sensor.high_N"),
+        coil=coil,
     )
+
+
+def _measured_coil(file: RigFile, turns: float, resistance: float | None) -> MeasuredCoil | None:
+    sensor = file.coil_sensor
+    return None if sensor is None else MeasuredCoil(turns, resistance, sensor.turns)
 
 
 MIN_STACK_CYCLE_S = 1.0
@@ -266,6 +290,7 @@ def _make_specimen(
     min_current: float,
     supply_rate: Bound,
     sensor_force: Bound,
+    coil: MeasuredCoil | None,
     supply: Supply | None = None,
 ) -> Specimen:
     """Combine the limits of instruments, [measurement] and [excite]; the tightest applies."""
@@ -281,7 +306,7 @@ def _make_specimen(
     forces = [sensor_force, *_optional_bound(excite.force_max_N, "force_max_N")]
     winding = None
     if excite.continuous_A is not None and excite.thermal_s is not None:
-        winding = Winding(excite.continuous_A, excite.thermal_s)
+        winding = Winding(excite.continuous_A, excite.thermal_s, excite.rise_K)
     operating_forces = [*_optional_bound(excite.operating_N, "operating_N"), operating_force]
     return Specimen(
         held_rig=held_rig,
@@ -290,7 +315,7 @@ def _make_specimen(
         max_current=current,
         max_rate=min(rates, key=lambda limit: limit.value),
         max_force=min(forces, key=lambda limit: limit.value),
-        min_current=min_current,
+        min_current=min_current if excite.current_low_A is None else excite.current_low_A,
         winding=winding,
         sweep_rate=current.value / DEFAULT_SWEEP_S if campaign is None else campaign.sweep_A_per_s,
         sample_s=DEFAULT_SWEEP_S / SAMPLES_PER_SWEEP if campaign is None else campaign.sample_s,
@@ -298,6 +323,8 @@ def _make_specimen(
         pause_s=0.0 if campaign is None else campaign.pause_s,
         supply=supply,
         max_fast_rate=min(fast_rates, key=lambda limit: limit.value),
+        has_own_gaps=excite.gaps_m is not None,
+        coil=coil,
     )
 
 
@@ -361,6 +388,10 @@ class Record:
         return np.full(count, float(np.max(np.abs(self.path))))
 
 
+DesignFunction = Callable[[Specimen, float, float], list[Record]]
+"""Function of a specimen, its peak current, A, and its operating current, A, to records."""
+
+
 def decaying_reversals(centre: float, first_swing: float, decay: tuple[float, float]) -> list[float]:
     """Return the reversal points of a sine that decays to a current, A, and this current."""
     decay_factor, last_swing = decay
@@ -389,16 +420,20 @@ def current_step(specimen: Specimen) -> float:
     return min(specimen.sweep_rate, specimen.max_rate.value) * specimen.sample_s
 
 
+def design_approach(specimen: Specimen, peak: float) -> tuple[tuple[float, ...], FloatArray, History]:
+    """Return the reversal points and the currents before a record, A, and the history after them."""
+    step = current_step(specimen)
+    if can_demagnetise(specimen, peak):
+        reversals = (0.0, *decaying_reversals(0.0, peak, DEMAGNETISING_DECAY))
+        return reversals, sine_path(reversals, step), DEMAGNETISED
+    reversals = (0.0, *[peak, 0.0] * specimen.conditioning_cycles)
+    return reversals, sweep_path(reversals, step), History("conditioned", reversals)
+
+
 def design_records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
     """Return the records that are measured at a gap."""
     step = current_step(specimen)
-    if can_demagnetise(specimen, peak):
-        approach_reversals = [0.0, *decaying_reversals(0.0, peak, DEMAGNETISING_DECAY)]
-        approach, history = sine_path(approach_reversals, step), DEMAGNETISED
-    else:
-        approach_reversals = [0.0, *[peak, 0.0] * specimen.conditioning_cycles]
-        approach = sweep_path(approach_reversals, step)
-        history = History("conditioned", tuple(approach_reversals))
+    approach_reversals, approach, history = design_approach(specimen, peak)
     lower_end = -peak if specimen.is_bipolar else 0.0
     first_reversal, *reversals = (
         lower_end + peak_fraction * (peak - lower_end) for peak_fraction in REVERSALS_TO_PEAK
@@ -415,7 +450,7 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
         ),
         "below": _path_from_zero(peak, operating, step),
     }
-    beginning = tuple(approach_reversals), approach
+    beginning = approach_reversals, approach
     records = [Record(name, *beginning, path, history, specimen.sample_s) for name, path in paths.items()]
     unit = specimen.units[0]
     for speed, cycle_peak in fast_cycles(specimen, peak):
@@ -467,7 +502,7 @@ def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
     return np.concatenate([approach_path, settling_path[1:], second_loops[1:]])
 
 
-def find_thermal_peak(specimen: Specimen) -> Bound:
+def find_thermal_peak(specimen: Specimen, design: DesignFunction = design_records) -> Bound:
     """Return the largest current at which every record is permitted, A, and the limit that sets it."""
     if not specimen.max_rate.value > 0.0:
         raise InputError(
@@ -482,7 +517,7 @@ def find_thermal_peak(specimen: Specimen) -> Bound:
     peak = max_current
     while peak >= MIN_PEAK_TO_MAX_CURRENT * max_current:
         # The highest operating point causes the most heat.
-        hottest_records = design_records(specimen, peak, OPERATING_RANGE[1] * peak)
+        hottest_records = design(specimen, peak, OPERATING_RANGE[1] * peak)
         if all(
             winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s) >= MIN_START_WARMTH
             for path in hottest_records

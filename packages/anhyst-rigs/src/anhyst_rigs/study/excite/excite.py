@@ -145,6 +145,10 @@ class DriveHistory:
     warmth: FloatArray
 
 
+_OUTPUT_NAMES = {"displacement": "displacement_m", "voltage": "voltage_V"}
+"""Keys of the largest output in the JSON output; of all other outputs ``force_N``."""
+
+
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """Measured loops, and how they were measured.
@@ -170,7 +174,7 @@ class Excitation:
         """Return the content of the JSON output."""
         drive_history, specimen = self.drive_history, self.specimen
         drive, unit = specimen.drive, specimen.units[0]
-        output_name = "displacement_m" if specimen.output == "displacement" else "force_N"
+        output_name = _OUTPUT_NAMES.get(specimen.output, "force_N")
         return {
             "loops": len(self.loops),
             "samples": sum(loop.n for loop in self.loops.loops),
@@ -213,7 +217,7 @@ class Excitation:
 
 
 @dataclass(slots=True)
-class _DriveLog:
+class DriveLog:
     """All samples that have been driven up to now."""
 
     specimen: Specimen
@@ -248,6 +252,7 @@ class _DriveLog:
             self.rest_at_zero(winding.rest_time(self.warmth, max_warmth), gap)
 
     def history(self) -> DriveHistory:
+        """Return all samples."""
         return DriveHistory(*(np.concatenate(column) for column in zip(*self.row_blocks, strict=True)))
 
 
@@ -260,7 +265,7 @@ def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excita
     """
     assert specimen.held_rig is not None
     thermal_peak = find_thermal_peak(specimen)
-    magnet, log = specimen.held_rig.magnet(), _DriveLog(specimen)
+    magnet, log = specimen.held_rig.magnet(), DriveLog(specimen)
     gaps = sorted(specimen.gaps, reverse=True)
     loops: list[Loop] = []
     probed_gaps = []
@@ -291,7 +296,7 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
 
     The stage has been at 0 V for a long time before.
     """
-    log, thermal_peak, no_gap = _DriveLog(specimen), find_thermal_peak(specimen), math.nan
+    log, thermal_peak, no_gap = DriveLog(specimen), find_thermal_peak(specimen), math.nan
     seed = [rig.settings.seed, _PROBE_SEED]
     rising_path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.append(np.concatenate([rising_path, rising_path[::-1]]), no_gap)
@@ -320,7 +325,7 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
 
 
 def _probe_gap(
-    specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, gap_number: int, thermal_peak: Bound
+    specimen: Specimen, magnet: HeldMagnet, log: DriveLog, gap: float, gap_number: int, thermal_peak: Bound
 ) -> ProbedGap:
     """Raise the current once until a quantity reaches its limit, then return to zero."""
     assert specimen.held_rig is not None
@@ -373,7 +378,7 @@ def _required_current_rate(
 
 
 def _record_loop(
-    specimen: Specimen, magnet: HeldMagnet, sensors: Sensors, log: _DriveLog, gap: float, record: Record
+    specimen: Specimen, magnet: HeldMagnet, sensors: Sensors, log: DriveLog, gap: float, record: Record
 ) -> Loop:
     """Bring the iron into the initial state of a record, then measure the record."""
     log.cool_for(record.full_path(specimen.sample_s), gap)
@@ -475,7 +480,7 @@ def excite(
 ) -> Excitation:
     """Measure the loops of a rig, and write them with a sidecar that states their history.
 
-    Without `measure`, the virtual rig is measured.
+    Without `measure`, the loops of the virtual rig are measured.
     """
     file = Path(out)
     if file.suffix.lower() != ".csv":
@@ -483,8 +488,7 @@ def excite(
     source = read_specimen(rig)
     if measure is not None and not source.specimen.gaps:
         raise InputError(
-            "--xcp and --port need a force controller, which a piezo stage does not "
-            "have; omit them and --folder",
+            "--xcp, --port and --voltage need a magnet, and a piezo stage has none; omit them and --folder",
             code="option-not-for-this",
             key="--xcp",
         )
@@ -505,6 +509,9 @@ def write_excitation(excitation: Excitation, rig: Path, out: Path) -> None:
     """Write measured loops, and the sidecar that states their history."""
     lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in excitation.notes)]
     histories = {loop.label: str(loop.history) for loop in excitation.loops.loops}
+    coil = excitation.specimen.coil
+    if excitation.loops.output.name == "sense_voltage" and coil is not None:
+        lines += ["", "[constants]", f"turns = {coil.turns:g}", f"sense_turns = {coil.sense_turns:g}"]
     lines += ["", "[history]"]
     lines += [f"{toml_key(label)} = {toml_value(history)}" for label, history in histories.items()]
     with atomic_writer(out.with_suffix(".toml")) as file:
