@@ -164,11 +164,13 @@ def identify(
     loops = (measured or tables) if tables else loops
     if tables and measured:
         outcome, valid, hysteresis = add_measured_width(outcome, measured, valid)
-    unclear_delay = describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""
-    rate_warning = explain_no_rate(loops) if can_fit_rate and speeds is None else ""
-    notes = (describe_coil_lag(loops), delay_text or unclear_delay, rate_warning)
-    notes_or_warnings = loops.notes if tables else _warnings(loops, outcome)
-    warnings = [*plausibility_warnings, *flux_warnings, *filter(None, notes), *notes_or_warnings]
+    notes = (
+        describe_coil_lag(loops),
+        delay_text or (describe_unclear_delay(delay) if outcome.model.has_eddy_currents else ""),
+        explain_no_rate(loops) if can_fit_rate and speeds is None else "",
+        *(loops.notes if tables else _warnings(loops, outcome)),
+    )
+    warnings = [*plausibility_warnings, *flux_warnings, *filter(None, notes)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
