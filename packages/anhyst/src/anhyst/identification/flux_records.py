@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.flux_linkage import has_known_zero
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.path import ANHYSTERETIC, find_turning_points, is_bipolar
+from anhyst.data.path import ANHYSTERETIC, find_turning_points
 from anhyst.model.flux_map import elapsed_fraction
 from anhyst.support.numeric import FloatArray
 
@@ -113,7 +114,7 @@ def starts_at_unknown_flux(loop: Loop) -> bool:
     Without demagnetisation and with one sign of the current, iron keeps a remanent flux. A record
     that returns to no flux at rest has lost it.
     """
-    if loop.history.kind in {"demagnetised", "anhysteretic"} or is_bipolar(loop.input):
+    if loop.history == ANHYSTERETIC or has_known_zero(loop):
         return False
     size = np.abs(loop.input)
     if size.min() > _MAX_REST_CURRENT * size.max():
