@@ -95,6 +95,24 @@ def test_measured_loops_on_a_grid_are_not_a_table(tmp_path: Path) -> None:
     assert all(loop.n == 41 and loop.history.kind == "settled" for loop in read_loops(path).loops)
 
 
+@pytest.mark.parametrize("is_wide", [False, True])
+def test_loops_with_common_currents_are_not_a_table(is_wide: bool, tmp_path: Path) -> None:
+    """Branches sampled at different currents, which all gaps have in common, are not mixed."""
+    current = np.concatenate([np.linspace(0.0, 2.0, 40), np.linspace(1.97, 0.01, 37)])
+    force = current**2 + 0.05 * np.where(np.arange(77) < 40, 0.0, current)
+    gaps = (0.3, 0.5, 0.7)
+    path = tmp_path / "loops.csv"
+    lines = [f"{i},{gap},{f / gap}" for gap in gaps for i, f in zip(current, force, strict=True)]
+    wide = [f"{i},{f / 0.3},{f / 0.5},{f / 0.7}" for i, f in zip(current, force, strict=True)]
+    head = "I_A,F_N_0.3mm,F_N_0.5mm,F_N_0.7mm" if is_wide else "I_A,gap_mm,F_N"
+    path.write_text("\n".join([head, *(wide if is_wide else lines)]) + "\n")
+    if is_wide:
+        with pytest.raises(InputError, match="one loop after the other"):
+            read_loops(path)
+    else:
+        assert [loop.history.kind for loop in read_loops(path).loops] == ["settled"] * 3
+
+
 HEAD = "I_A,x_mm,psi_Wb\n"
 ROWS = "0,0.3,0\n1,0.3,{a}\n2,0.3,3\n0,0.5,0\n1,0.5,{b}\n2,0.5,2\n0,0.7,0\n1,0.7,{c}\n2,0.7,1\n"
 

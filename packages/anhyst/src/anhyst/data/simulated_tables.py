@@ -40,6 +40,9 @@ _MAX_REPEAT_DIFFERENCE = 1e-6
 """Maximum difference of repeated points, as a fraction of the range; branches of loops differ more."""
 _MAX_CONTRADICTION_SHARE = 0.1
 """Maximum share of repeated points that differ, above which the table contains loops."""
+_MIN_BRANCH_SHARE = 0.1
+_MIN_RUN_POINTS = 3
+"""Minimum share of steps of each direction, and mean points of a run, in the branches of a loop."""
 _MIN_COMPONENT_SHARE = 0.01
 """Minimum size of a component of the force, as a fraction of the largest one."""
 _MAX_OPPOSITE_SHARE = 0.05
@@ -176,9 +179,21 @@ def _sorted_rows(points: _Points, name: str) -> tuple[NDArray[np.intp], NDArray[
     return order[np.concatenate(([True], ~is_repeat))], order[1:][differs]
 
 
+def _runs_up_and_down(current: FloatArray) -> bool:
+    """Whether currents in the order of the file form the branches of a loop; shuffled ones do not."""
+    steps = np.sign(np.diff(current[np.sort(np.unique(current, return_index=True)[1])]))
+    run_count = 1 + np.count_nonzero(np.diff(steps))
+    falling_share = float(np.mean(steps < 0.0)) if steps.size else 0.0
+    is_two_way = min(falling_share, 1.0 - falling_share) > _MIN_BRANCH_SHARE
+    return is_two_way and bool(current.size >= _MIN_RUN_POINTS * run_count)
+
+
 def _is_grid(source: str, points: _Points) -> bool:
     """Whether each output has one value for each pair, and the same currents recur at several positions."""
-    positions = np.unique(points.position).size
+    paths = [points.current[points.position == position] for position in np.unique(points.position)]
+    positions = len(paths)
+    if 2 * sum(map(_runs_up_and_down, paths)) > positions:
+        return False
     for name in points.outputs:
         rows, different = _sorted_rows(points, name)
         counts = Counter(points.current[rows].tolist())

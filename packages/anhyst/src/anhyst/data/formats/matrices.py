@@ -47,7 +47,9 @@ def open_matrices(path: Path) -> MemoryTable | None:
     if not is_text(head) or next(_find_matrices(path, _decode_lines(head)), None) is None:
         return None
     matrices = [matrix for matrix in _find_matrices(path, _decode_lines(path.read_bytes())) if matrix.rows]
-    return _unfold(path, matrices) if matrices else None
+    steps = [np.diff([row[0] for row in matrix.rows]) for matrix in matrices]
+    are_sorted = all((step > 0.0).all() or (step < 0.0).all() for step in steps)  # loops are not
+    return _unfold(path, matrices) if matrices and are_sorted else None
 
 
 def _decode_lines(content: bytes) -> list[str]:
