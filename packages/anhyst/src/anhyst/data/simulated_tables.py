@@ -1,7 +1,7 @@
 """Read simulated tables of flux linkage and force over current and position.
 
-Programs for field simulation write one value for each pair of current and position: the table has
-no time and no history. It is recognised from the units of its columns and from currents that recur
+Programs for field simulation write a value for each pair of current and position, without a time
+and without a history. Such a table is recognised from the units of its columns and from currents that recur
 exactly at several positions, with one value each. Every position becomes a loop with ascending
 current and the history `ANHYSTERETIC`. A position that is not a gap becomes a gap: flux, or else the
 attraction, falls as the gap opens.
@@ -42,13 +42,13 @@ _MAX_CONTRADICTION_SHARE = 0.1
 """Maximum share of repeated points that differ, above which the table contains loops."""
 _MIN_BRANCH_SHARE = 0.1
 _MIN_RUN_POINTS = 3
-"""Minimum share of steps of each direction, and mean points of a run, in the branches of a loop."""
+"""Minimum share of steps in each direction, and minimum mean points of a run, for branches of a loop."""
 _MIN_COMPONENT_SHARE = 0.01
 """Minimum size of a component of the force, as a fraction of the largest one."""
 _MAX_OPPOSITE_SHARE = 0.05
 """Maximum force of the other sign, as a fraction of the largest force, that is an error of the mesh."""
 _MIN_TREND_SHARE = 0.9
-"""Minimum share of steps over the position in which the output changes in the same direction."""
+"""Minimum share of steps over the position that change the output in the same direction."""
 _STATED_POSITION = re.compile(
     r"(?P<name>[^\W\d]\w*)\s*(?:[\[(](?P<inner>\w+)[\])])?\s*[=:]\s*(?P<number>[+-]?\d[\d.,eE+-]*)\s*"
     r"[\[(]?(?P<unit>[^\W\d]*)"
@@ -70,10 +70,10 @@ class _Points:
 def read_simulated_table(
     table: OpenTable, headers: Sequence[Header], description: FileDescription, label: str
 ) -> SourceLoops | None:
-    """Return the loops of a simulated table; None for other tables.
+    """Return the loops of a simulated table, or None for other tables.
 
     If the table contains flux linkage and force, the result has the loops of the flux linkage, and
-    those of the force as its alternative.
+    its alternative has the loops of the force.
     """
     is_described = bool(
         description.histories or description.select or description.schedule not in (None, "gap")
@@ -108,7 +108,7 @@ def _dimension(header: Header) -> str:
 
 
 def _find_columns(headers: Sequence[Header]) -> dict[str, list[int]]:
-    """Return the columns of each dimension; mapped columns exclude the others of their dimension."""
+    """Return the columns of each dimension. Mapped columns exclude other columns of their dimension."""
     columns: dict[str, list[int]] = {}
     for dimension in ("current", "length", *_OUTPUTS):
         found = [n for n, header in enumerate(headers) if _dimension(header) == dimension]
@@ -125,7 +125,7 @@ def _choose_columns(
     values: Mapping[int, FloatArray],
     breaks: Breaks,
 ) -> _Points | None:
-    """Return the points from the columns that vary; None if a column is missing or not clear."""
+    """Return the points from the columns that vary, or None if a column is missing or not clear."""
     counts = {n: np.unique(column[np.isfinite(column)]).size for n, column in values.items()}
     varying = {name: [n for n in found if counts[n] > 1] for name, found in columns.items()}
     sizes = {n: float(np.nanmax(np.abs(values[n]))) for n in varying["force"]}
@@ -153,7 +153,7 @@ def _choose_columns(
 
 
 def _positions_of_blocks(breaks: Breaks, rows: int) -> tuple[FloatArray, Header] | None:
-    """Return the position that a line above each block of rows states, m; None without them."""
+    """Return the position that a line above each block of rows states, m, or None without such lines."""
     found: list[tuple[Header, float]] = []
     for _, texts in breaks:
         for match in _STATED_POSITION.finditer(" ".join(texts)):
@@ -233,7 +233,7 @@ def _orient_force(source: str, points: _Points) -> _Points:
 
 
 def _convert_to_gap(source: str, points: _Points) -> _Points:
-    """Convert the position to a gap, with a note on its direction; refuse what is not clear."""
+    """Convert the position to a gap, with a note on its direction. Refuse unclear directions."""
     output_name = next(iter(points.outputs))
     name, output_text = points.position_header.text, output_name.replace("_", " ")
     low, high = float(points.position.min()), float(points.position.max())
@@ -245,8 +245,11 @@ def _convert_to_gap(source: str, points: _Points) -> _Points:
     if is_gap or not (opens or closes):
         fault = "grows" if closes else "both grows and falls"
         remedy = f'map a stroke: --columns "{name}=x_mm"' if is_gap else "write the gap to a column 'gap_mm'"
-        text = f"{source}: the {output_text} {fault} with '{name}', so it is not a gap; {remedy}"
-        raise InputError(text, code="direction-unclear", key=name)
+        raise InputError(
+            f"{source}: the {output_text} {fault} with '{name}', so it is not a gap; {remedy}",
+            code="direction-unclear",
+            key=name,
+        )
     if closes:
         position = high - points.position
         note = f"'{name}' closes the gap, because the {output_text} grows with it: gap = {1e3 * high:.6g} mm - {name}"
@@ -258,7 +261,7 @@ def _convert_to_gap(source: str, points: _Points) -> _Points:
 
 
 def _share_of_rising_steps(points: _Points, name: str) -> float:
-    """Return the share of steps between positions, at equal current, in which the output rises."""
+    """Return the share of steps between positions, at equal current, that raise the output."""
     sign = np.sign(points.current) if name == "flux_linkage" else 1.0
     output = np.asarray(points.outputs[name] * sign)
     order = np.lexsort((points.position, points.current))

@@ -1,7 +1,7 @@
 """Read matrices of flux linkage or force over current and position in text files.
 
-A matrix has the values of one axis in its first column and those of the other axis in its first
-row. Several matrices, such as one of flux linkage and one of force, may follow each other. They
+The first column of a matrix contains the values of an axis, and the first row contains the values of
+the other axis. Several matrices, such as one of flux linkage and one of force, may follow each other. They
 become a table in long form, with one row for each point.
 """
 
@@ -22,9 +22,9 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
 _MAX_BYTES = 1 << 26
-"""Maximum size of a file in which a matrix is searched; simulated tables are small."""
+"""Maximum size of a file with a matrix, because simulated tables are small."""
 _HEAD_BYTES = 1 << 14
-"""Number of bytes in which the first matrix must begin."""
+"""Number of bytes within which the first matrix must begin."""
 _DELIMITERS = (";", "\t", ",", None)
 _MIN_FIELDS = 3
 """Minimum number of fields of the first row: a corner and two columns."""
@@ -39,7 +39,7 @@ _SIGNS_AROUND_NAMES = " \t_@=,;:-\"'#%"
 
 
 def open_matrices(path: Path) -> MemoryTable | None:
-    """Return the matrices of a text file in long form; None for other files."""
+    """Return the matrices of a text file in long form, or None for other files."""
     if not path.is_file() or path.stat().st_size > _MAX_BYTES:
         return None
     with path.open("rb") as file:
@@ -82,8 +82,10 @@ def _find_matrices(path: Path, lines: Sequence[str]) -> Iterator[_Matrix]:
             (matrix, delimiter), titles = first_row, []
         elif matrix is not None and len(fields) > 1 and (is_number(fields[0]) or len(fields) == width):
             if len(fields) > width or not all(map(is_number_or_mark, filter(None, fields))):
-                message = f"{path}: line {number}: is not a row of {width} numbers of the matrix; correct it"
-                raise InputError(message, code="fields-missing")
+                raise InputError(
+                    f"{path}: line {number}: is not a row of {width} numbers of the matrix; correct it",
+                    code="fields-missing",
+                )
             cells = [*fields, *[""] * (width - len(fields))]
             matrix.rows.append([parse_number(cell) if is_number(cell) else math.nan for cell in cells])
         elif text.strip():
@@ -93,7 +95,7 @@ def _find_matrices(path: Path, lines: Sequence[str]) -> Iterator[_Matrix]:
 
 
 def _read_first_row(fields: list[str], titles: Sequence[str]) -> _Matrix | None:
-    """Return the matrix that begins with a row, without its rows; None for other rows."""
+    """Return the matrix that begins with a row, without its rows, or None for other rows."""
     if len(fields) < _MIN_FIELDS or is_number(fields[0]):
         return None
     cells = [match for match in map(_AXIS_CELL.fullmatch, fields[1:]) if match is not None]
