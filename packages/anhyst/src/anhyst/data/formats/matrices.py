@@ -28,6 +28,9 @@ _HEAD_BYTES = 1 << 14
 _DELIMITERS = (";", "\t", ",", None)
 _MIN_FIELDS = 3
 """Minimum number of fields of the first row: a corner and two columns."""
+_MAX_NAME_LENGTH = 120
+_MAX_TITLES = 5
+"""Maximum length of names, and number of lines above a matrix that can name its values."""
 _AXIS_CELL = re.compile(
     r"(?P<name>.*?)(?P<number>[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*"
     r"(?P<unit>[^\W\d_]*)(?P<tail>\D*)"
@@ -96,7 +99,7 @@ def _find_matrices(path: Path, lines: Sequence[str]) -> Iterator[_Matrix]:
 
 def _read_first_row(fields: list[str], titles: Sequence[str]) -> _Matrix | None:
     """Return the matrix that begins with a row, without its rows, or None for other rows."""
-    if len(fields) < _MIN_FIELDS or is_number(fields[0]):
+    if len(fields) < _MIN_FIELDS or is_number(fields[0]) or max(map(len, fields)) > _MAX_NAME_LENGTH:
         return None
     cells = [match for match in map(_AXIS_CELL.fullmatch, fields[1:]) if match is not None]
     marks = {(cell["name"], cell["unit"], cell["tail"]) for cell in cells}
@@ -112,7 +115,9 @@ def _read_first_row(fields: list[str], titles: Sequence[str]) -> _Matrix | None:
     if find_unit(unit):
         axes = [*axes[:1], (axis_name or "position", unit)]
     dimensions = [_dimension(*axis) for axis in axes]
-    value_names = (text.strip(_SIGNS_AROUND_NAMES) for text in (value_name, tail, *reversed(titles)))
+    value_names = (
+        text.strip(_SIGNS_AROUND_NAMES) for text in (value_name, tail, *titles[: -1 - _MAX_TITLES : -1])
+    )
     value = next((text for text in value_names if _dimension(text) in {"flux_linkage", "force"}), None)
     is_matrix = sorted(dimensions) == ["current", "length"] and value is not None
     return _Matrix((*axes, (value or "", "")), columns) if is_matrix else None
@@ -120,7 +125,7 @@ def _read_first_row(fields: list[str], titles: Sequence[str]) -> _Matrix | None:
 
 def _dimension(name: str, unit: str = "") -> str:
     """Return the dimension of a header, empty without a unit."""
-    header = parse_header(name, unit or None) if name else None
+    header = parse_header(name, unit or None) if 0 < len(name) <= _MAX_NAME_LENGTH else None
     return header.unit.dimension if header and header.unit else ""
 
 
