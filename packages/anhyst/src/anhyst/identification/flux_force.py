@@ -64,7 +64,7 @@ _EQUAL_COST = 1.1
 _REPEATED_FITS = 12
 _LEVELS = 12
 _MEAN_FACTOR = 2.5
-_WORST_FACTOR = 1.5
+_WORST_FACTOR = 2.0
 _DEVIATION_FACTOR = 1.4
 """Ratios of the stated uncertainty to the scatter of repeated fits and to the deviations of the model.
 With these factors, the stated uncertainty covers about nine of ten virtual magnets."""
