@@ -98,6 +98,7 @@ class RigFile(Table):
     # sensor that measures the force of the loops
     force_sensor: ClassVar = RequiredTable("sensors", sensor_table.ForceSensorTable)
     hall_probe: ClassVar = OptionalTable("sensors", sensor_table.FluxSensorTable)
+    coil_sensor: ClassVar = OptionalTable("sensors", sensor_table.VoltageSensorTable)
     # sensor of the position in space
     position_sensor: ClassVar = RequiredTable("sensors", sensor_table.PositionSensorTable)
     step: ClassVar = RequiredTable("cases", case_table.StepCase)
@@ -150,6 +151,11 @@ class RigFile(Table):
     def has_ground_heads(self) -> bool:
         """Whether the position sensors are fixed to the ground and not to the body."""
         return any(sensor.stands for sensor in self.position_sensors)
+
+    @property
+    def flux_sensor(self) -> sensor_table.FluxSensorTable | sensor_table.VoltageSensorTable | None:
+        """Sensor of the methods that measure the flux: Hall probe, or voltage of a coil."""
+        return self.hall_probe or self.coil_sensor
 
     @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file

@@ -36,6 +36,7 @@ _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     sensor_table.CurrentSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "current"'),
     sensor_table.ForceSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "force"'),
     sensor_table.FluxSensorTable: ("? ? . .", "sensor", 'a [[sensor]] of = "flux"'),
+    sensor_table.VoltageSensorTable: ("? ? . .", "sensor", 'a [[sensor]] of = "voltage"'),
     sensor_table.PositionSensorTable: (". + . 1", "sensor", 'a [[sensor]] of = "position"'),
     case_table.StepCase: ("1 . . .", "case", 'a [[case]] of kind "step"'),
     case_table.LoadCase: ("? . . .", "case", 'a [[case]] of kind "load"'),

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, Tag, model_validator
 
 from anhyst._core import Sensor
+from anhyst.compensate.coil_flux import CoilSensor
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, first_order_share
 from anhyst.support.toml_file import (
@@ -145,6 +146,32 @@ class FluxSensorTable(DigitisedSensorTable):
     gain_error: GainError = 0.0
 
 
+class VoltageSensorTable(DigitisedSensorTable):
+    """``of = "voltage"``: mean voltage of a coil in each tick, from which the flux is estimated."""
+
+    of: Literal["voltage"]
+    range_V: Positive
+    adc_bits: Bits
+    noise_V: NotNegative
+    offset_V: Number = 0.0
+    gain_error: GainError = 0.0
+    turns: Positive | None = None  # turns of a sense coil; None: the winding itself
+    # relative error of the winding's resistance in the controller
+    resistance_error: GainError = 0.0
+
+    def plant_parameters(self, seconds: float) -> dict[str, float]:
+        """Return the fields of ``anhyst_plant_sensor``; the mean of a tick needs no low-pass."""
+        step = 2.0 * self.range_V / ((1 << self.adc_bits) - 1)
+        limits = {"low": -self.range_V, "high": self.range_V, "step": step}
+        errors = {"gain": 1.0 + self.gain_error, "offset": self.offset_V, "noise": self.noise_V}
+        return limits | errors | {"share": 1.0, "delay": 0}
+
+    def for_controller(self, resistance: float, current_delay: float) -> CoilSensor:
+        """Return the sensor of the estimator, for the winding's resistance, ohm."""
+        known_resistance = 0.0 if self.turns is not None else (1.0 + self.resistance_error) * resistance
+        return CoilSensor(self.range_V, known_resistance, current_delay)
+
+
 class PositionSensorTable(Table):
     """``of = "position"``: a sensor for the body's position in space, such as an interferometer."""
 
@@ -181,8 +208,9 @@ SensorEntry = Annotated[
     | Annotated[CurrentSensorTable, Tag(f"{BRANCH_PREFIX}current")]
     | Annotated[ForceSensorTable, Tag(f"{BRANCH_PREFIX}force")]
     | Annotated[FluxSensorTable, Tag(f"{BRANCH_PREFIX}flux")]
+    | Annotated[VoltageSensorTable, Tag(f"{BRANCH_PREFIX}voltage")]
     | Annotated[PositionSensorTable, Tag(f"{BRANCH_PREFIX}position")],
-    discriminate_by("of", "gap", "current", "force", "flux", "position"),
+    discriminate_by("of", "gap", "current", "force", "flux", "voltage", "position"),
 ]
 
 
