@@ -13,7 +13,8 @@ static int are_settings_valid(const anhyst_coil_flux_settings_q31 *s)
 {
   return s->gain > 0 && s->gain <= ANHYST_COIL_MOST && s->resistance <= ANHYST_COIL_MOST &&
          s->spread >= 0 && s->spread <= s->resistance && s->offset >= 0 && s->inductance >= 0 &&
-         s->lag > 0 && s->range > 0 && s->reach > 0 && s->pull > 0;
+         s->lag > 0 && s->range > 0 && s->reach > 0 && s->pull > 0 &&
+         s->pull <= ANHYST_Q31_MAX / ANHYST_COIL_HASTE;
 }
 
 /* Rounds a sum, q60, to q31. */
@@ -40,15 +41,15 @@ static void learn(anhyst_coil_flux_q31 *coil, int64_t drift)
   const anhyst_coil_flux_settings_q31 *s = &coil->settings;
   const int64_t nominal = anhyst_wide(s->resistance, ANHYST_Q31_MAX);
   const int64_t spread = anhyst_wide(s->spread, ANHYST_Q31_MAX);
-  const int32_t drift_q38 = anhyst_sat_wide(anhyst_rounded_shift(drift, 22));
+  const int32_t change = to_flux(drift);
   const int32_t teaching = is_in_range(coil->current, ANHYST_COIL_LARGE) ? 0 : coil->current;
-  const int32_t by_current = anhyst_product_q31(drift_q38, teaching);
-  const int64_t change =
+  const int32_t by_current = anhyst_product_q31(change, teaching);
+  const int64_t resistance =
       coil->resistance - nominal + (anhyst_wide(coil->pull, by_current) >> ANHYST_COIL_LEARNING);
   const int32_t pull = coil->pull - (int32_t)(anhyst_wide(coil->pull, coil->pull) >> 35);
-  coil->offset = anhyst_clamp_wide(coil->offset + (anhyst_wide(coil->pull, drift_q38) >> 13),
+  coil->offset = anhyst_clamp_wide(coil->offset + (anhyst_wide(coil->pull, change) >> 6),
                                    (int64_t)s->offset * ((int64_t)1 << 20));
-  coil->resistance = nominal + anhyst_clamp_wide(change, spread);
+  coil->resistance = nominal + anhyst_clamp_wide(resistance, spread);
   coil->pull = pull > s->pull ? pull : s->pull;
 }
 
@@ -68,11 +69,12 @@ static void integrate_voltage(anhyst_coil_flux_q31 *coil, int32_t voltage, int32
     const int32_t pull = anhyst_product_q31(coil->pull, anhyst_product_q31(law, law));
     const int32_t deviation = to_flux(coil->deviation);
     coil->deviation -= anhyst_wide(pull, deviation) >> 4;
+    coil->deviation -= anhyst_wide(coil->pull - coil->settings.pull, deviation) >> 6;
     coil->doubt = is_in_range(deviation, coil->settings.reach) ? 0U : (uint16_t)(coil->doubt + 1U);
     if (coil->doubt >= ANHYST_COIL_DOUBT_TICKS) {
       coil->doubt = 0;
       coil->deviation = 0;
-      coil->pull = ANHYST_Q31_MAX;
+      coil->pull = coil->settings.pull * ANHYST_COIL_HASTE;
     }
   }
 }

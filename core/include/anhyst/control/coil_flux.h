@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define ANHYST_COIL_LEARNING 8U /* the resistance learns 2^(13 - 8) times as fast as the offset */
+#define ANHYST_COIL_LEARNING 1U /* the resistance learns 2^(6 - 1) times as fast as the offset */
 #define ANHYST_COIL_LARGE ((int32_t)536870912) /* 1/4: currents that teach the resistance, q31 */
 #define ANHYST_COIL_MOST ((int32_t)268435456)  /* 2^28: the largest gain or resistance, 1/2 */
 

@@ -5,6 +5,7 @@
 #define anhyst_coil_sum_x ANHYST_NAME(anhyst_coil_sum)
 #define anhyst_force_controller_init_coil_x ANHYST_NAME(anhyst_force_controller_init_coil)
 
+#define ANHYST_COIL_HASTE 16 /* factor of the pull then */
 #define ANHYST_COIL_DOUBT_TICKS                                                                    \
   32U /* ticks with a large deviation after which the law is taken                                 \
        */

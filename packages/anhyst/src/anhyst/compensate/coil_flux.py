@@ -69,7 +69,7 @@ class CoilFlux:
         spread, offset = MAX_RESISTANCE_CHANGE * drop, MAX_OFFSET_SHARE * sensor.range * tick
         lag = 1.0 / (1.0 + sensor.current_delay * self.rate)
         bounds = LARGEST_READING_SHARE * sensor.range, MAX_DEVIATION_SHARE * flux, flux
-        pull = min(tick / LAW_TIME_S, 1.0 / 16.0)
+        pull = min(tick / LAW_TIME_S, 1.0 / 512.0)
         learning = LEARNING / current**2, LARGE_CURRENT_SHARE * current
         return np.array([tick, drop, spread, offset, self.inductance, lag, *bounds, pull, *learning])
 
