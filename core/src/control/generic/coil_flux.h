@@ -3,10 +3,9 @@
 /* Template: the force controller with a coil, for every number format. The operations that depend
    on the format are included before: ../coil_flux.c for q31, coil_flux_real.h for real numbers. */
 
-static ANHYST_REAL solve_with_voltage(anhyst_force_controller_x *c, ANHYST_REAL demand,
-                                      ANHYST_REAL gap, ANHYST_REAL voltage)
+/* Updates the estimate with the voltage of the last tick. */
+static void update_estimate(anhyst_coil_flux_x *coil, ANHYST_REAL voltage)
 {
-  anhyst_coil_flux_x *coil = c->own;
   const uint16_t limits = ANHYST_DEMAND_LIMITED | ANHYST_CURRENT_LIMITED | ANHYST_FLUX_LIMITED;
   const ANHYST_REAL law = law_flux(coil);
   if (coil->is_running == 0U || !is_in_range(voltage, coil->settings.range)) {
@@ -16,9 +15,18 @@ static ANHYST_REAL solve_with_voltage(anhyst_force_controller_x *c, ANHYST_REAL 
   }
   coil->law = law;
   coil->is_running = 1;
+}
+
+static ANHYST_REAL solve_with_voltage(anhyst_force_controller_x *c, ANHYST_REAL demand,
+                                      ANHYST_REAL gap, ANHYST_REAL voltage)
+{
+  anhyst_coil_flux_x *coil = c->own;
+  if (coil->is_solved == 0U) {
+    update_estimate(coil, voltage);
+  }
   coil->is_solved = 1;
   c->current = anhyst_force_controller_solve_x(coil->inner, demand, gap,
-                                               anhyst_add_x(law, to_flux(coil->deviation)));
+                                               anhyst_add_x(coil->law, to_flux(coil->deviation)));
   c->flags = coil->inner->flags;
   return c->current;
 }

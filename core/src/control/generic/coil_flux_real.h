@@ -10,7 +10,7 @@ static int are_settings_valid(const anhyst_coil_flux_settings_x *s)
          s->range > R(0.0) && s->reach > R(0.0) && s->full > R(0.0) && s->full <= R(1e30) &&
          s->spread >= R(0.0) && s->spread <= s->resistance && is_positive(s->offset) &&
          is_positive(s->inductance) && s->lag > R(0.0) && s->lag <= R(1.0) && s->pull > R(0.0) &&
-         s->pull <= R(1.0) / ANHYST_COIL_HASTE && is_positive(s->learning);
+         s->pull <= R(1.0) / ANHYST_COIL_HASTE && is_positive(s->learning) && is_positive(s->large);
 }
 
 static ANHYST_REAL to_flux(ANHYST_REAL sum) { return sum; }
@@ -51,8 +51,8 @@ static void integrate_voltage(anhyst_coil_flux_x *coil, ANHYST_REAL voltage, ANH
   coil->pull = clamp(coil->pull - coil->pull * coil->pull, s->pull, R(1.0));
   coil->deviation = clamp(coil->deviation + drift, -s->full, s->full);
   if (is_law_valid) {
-    coil->deviation -= (coil->pull * level * level + coil->pull - s->pull) * coil->deviation;
     coil->doubt = is_in_range(coil->deviation, s->reach) ? 0U : (uint16_t)(coil->doubt + 1U);
+    coil->deviation -= (coil->pull * level * level + coil->pull - s->pull) * coil->deviation;
     if (coil->doubt >= ANHYST_COIL_DOUBT_TICKS) {
       coil->doubt = 0;
       coil->deviation = R(0.0);

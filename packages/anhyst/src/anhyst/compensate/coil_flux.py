@@ -15,8 +15,9 @@ from anhyst.compensate.plan import round_full_scale
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-LAW_TIME_S = 0.5
-"""Time constant with which the estimate returns to the flux of the law, s."""
+LAW_TIME_S = 4.0
+"""Time constant with which the estimate returns to the flux of the law at half of the full scale, and
+with which offset and resistance are learned, s."""
 
 MAX_DEVIATION_SHARE = 0.02
 """Largest deviation of the estimate from the flux of the law, relative to the full scale. A larger
