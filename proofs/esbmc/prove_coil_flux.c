@@ -20,9 +20,9 @@ static int is_state_valid(const anhyst_coil_flux_q31 *coil)
 int main(void)
 {
   anhyst_coil_flux_q31 coil = {0};
-  const anhyst_coil_flux_settings_q31 settings = {
-      nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(),
-      nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  const anhyst_coil_flux_settings_q31 settings = {nondet_i32(), nondet_i32(), nondet_i32(),
+                                                  nondet_i32(), nondet_i32(), nondet_i32(),
+                                                  nondet_i32(), nondet_i32(), nondet_i32()};
   coil.settings = settings;
   coil.deviation = nondet_i64();
   coil.offset = nondet_i64();

@@ -31,7 +31,7 @@ static int32_t law_flux(const anhyst_coil_flux_q31 *coil)
 
 static void start_learning(anhyst_coil_flux_q31 *coil)
 {
-  coil->resistance = anhyst_wide(coil->settings.resistance, ANHYST_Q31_MAX);
+  coil->resistance = (int64_t)coil->settings.resistance * ((int64_t)1 << 31);
   coil->pull = coil->settings.pull;
 }
 
@@ -39,14 +39,15 @@ static void start_learning(anhyst_coil_flux_q31 *coil)
 static void learn(anhyst_coil_flux_q31 *coil, int64_t drift)
 {
   const anhyst_coil_flux_settings_q31 *s = &coil->settings;
-  const int64_t nominal = anhyst_wide(s->resistance, ANHYST_Q31_MAX);
-  const int64_t spread = anhyst_wide(s->spread, ANHYST_Q31_MAX);
+  const int64_t nominal = (int64_t)s->resistance * ((int64_t)1 << 31);
+  const int64_t spread = (int64_t)s->spread * ((int64_t)1 << 31);
   const int32_t change = to_flux(drift);
   const int32_t teaching = is_in_range(coil->current, ANHYST_COIL_LARGE) ? 0 : coil->current;
   const int32_t by_current = anhyst_product_q31(change, teaching);
   const int64_t resistance =
       coil->resistance - nominal + (anhyst_wide(coil->pull, by_current) >> ANHYST_COIL_LEARNING);
-  const int32_t pull = coil->pull - (int32_t)(anhyst_wide(coil->pull, coil->pull) >> 35);
+  const int32_t square = (int32_t)(anhyst_wide(coil->pull, coil->pull) >> 35);
+  const int32_t pull = anhyst_sub_q31(coil->pull, square);
   coil->offset = anhyst_clamp_wide(coil->offset + (anhyst_wide(coil->pull, change) >> 6),
                                    (int64_t)s->offset * ((int64_t)1 << 20));
   coil->resistance = nominal + anhyst_clamp_wide(resistance, spread);
