@@ -23,6 +23,9 @@ MAX_DEVIATION_SHARE = 0.02
 """Largest deviation of the estimate from the flux of the law, relative to the full scale. A larger
 one is due to the offset or the resistance, which are then learned quickly."""
 
+MAP_DEVIATION_SHARE = 0.2
+"""The same for a single-valued curve, which lacks the remanence of the iron."""
+
 MAX_OFFSET_SHARE = 0.01
 """Largest estimated offset of the voltage, relative to the range of its sensor."""
 
@@ -57,6 +60,8 @@ class CoilFlux:
     sensor: CoilSensor
     rate: float  # sample rate, Hz
     inductance: float  # flux linkage per current at the operating point, H
+    # largest deviation from the flux of the law, relative to the full scale; only with a sense coil
+    max_deviation: float = MAX_DEVIATION_SHARE
 
     @property
     def full_scale(self) -> float:
@@ -69,7 +74,8 @@ class CoilFlux:
         drop = sensor.resistance * tick
         spread, offset = MAX_RESISTANCE_CHANGE * drop, MAX_OFFSET_SHARE * sensor.range * tick
         lag = 1.0 / (1.0 + sensor.current_delay * self.rate)
-        bounds = LARGEST_READING_SHARE * sensor.range, MAX_DEVIATION_SHARE * flux, flux
+        deviation = MAX_DEVIATION_SHARE if sensor.resistance else self.max_deviation
+        bounds = LARGEST_READING_SHARE * sensor.range, deviation * flux, flux
         pull = min(tick / LAW_TIME_S, 1.0 / 512.0)
         learning = LEARNING / current**2, LARGE_CURRENT_SHARE * current
         return np.array([tick, drop, spread, offset, self.inductance, lag, *bounds, pull, *learning])

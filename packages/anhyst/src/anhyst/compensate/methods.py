@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from anhyst import _core
 from anhyst.compensate.block import Block
-from anhyst.compensate.coil_flux import CoilFlux
+from anhyst.compensate.coil_flux import MAP_DEVIATION_SHARE, MAX_DEVIATION_SHARE, CoilFlux
 from anhyst.compensate.current_map import (
     CurrentMap,
     fit_linearised_map,
@@ -242,8 +242,13 @@ class FluxLoop:
         return flux_words, np.array(rows, dtype=np.int16)
 
 
-def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:
-    """Design the flux loop for a method with given scales."""
+def _make_flux_loop(
+    sources: Sources, surface: Surface, scales: Scales, max_deviation: float = MAX_DEVIATION_SHARE
+) -> FluxLoop:
+    """Design the flux loop for a method with given scales.
+
+    `max_deviation` is the largest deviation of a flux that is estimated from a coil's voltage.
+    """
     operating, calibration = sources.operating, sources.flux_calibration
     if calibration is None:
         raise InputError("flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux")
@@ -253,7 +258,7 @@ def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxL
     force_range = np.array([-operating.is_bipolar * scales.demand, scales.demand])
     gap = np.linspace(scales.gap_low, scales.gap_high, surface.gap.size)
     flux_table = np.ascontiguousarray(calibration.density_at(force_range, gap))
-    coil = None if sensor is None else CoilFlux(sensor, operating.rate, gains.flux_per_current)
+    coil = None if sensor is None else CoilFlux(sensor, operating.rate, gains.flux_per_current, max_deviation)
     return FluxLoop(flux_table, scales, gains, operating.rate, coil)
 
 
@@ -293,7 +298,7 @@ def fit_flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
     """Design the flux loop for the best single-valued map."""
     surface = sources.surface()
     table = make_current_map(surface.current, sources.operating, {})
-    return FluxFeedback(table, _make_flux_loop(sources, surface, table.scales))
+    return FluxFeedback(table, _make_flux_loop(sources, surface, table.scales, MAP_DEVIATION_SHARE))
 
 
 @dataclass(frozen=True)
