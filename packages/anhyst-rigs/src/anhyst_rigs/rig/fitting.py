@@ -25,6 +25,7 @@ from anhyst_rigs.rig.distance import PlantCheck, make_path_follower, simulate_lo
 from anhyst_rigs.rig.drift import Drift, drifted_law, map_parameter
 from anhyst_rigs.rig.from_loops import check_plant_against_loops
 from anhyst_rigs.rig.measurement_table import identify_loops, squared_misclosures
+from anhyst_rigs.rig.sensor_table import FluxSensorTable
 
 
 @dataclass(frozen=True)
@@ -170,8 +171,12 @@ def calibrate_probe(rig: BodyRig, commits_readings: bool = False) -> FluxCalibra
         densities.append((1.0 + probe.gain_error) * (density if coil is None else share * linkage))
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     delay = timing.delay_ticks * rig.dt + amplifier.delay_s
-    corner_frequencies = [amplifier.bandwidth_Hz, *([probe.bandwidth_Hz] if coil is None else [])]
+    corner_frequencies = [amplifier.bandwidth_Hz]
+    if isinstance(probe, FluxSensorTable):
+        corner_frequencies.append(probe.bandwidth_Hz)
     current_delay = delay + 1.0 / (2.0 * math.pi * amplifier.bandwidth_Hz)
+    used_delay = 0.5 * rig.dt if commits_readings else current_delay
+    resistance = file.magnet.poles.resistance
     return FluxCalibration(
         gap=np.repeat(gaps, current.size),
         force=np.concatenate(forces),
@@ -179,10 +184,7 @@ def calibrate_probe(rig: BodyRig, commits_readings: bool = False) -> FluxCalibra
         delay=delay,
         lag=sum(1.0 / (2.0 * math.pi * corner_frequency) for corner_frequency in corner_frequencies)
         + rig.settings.magnet.eddy_time_s,
-        coil=coil
-        and coil.for_controller(
-            file.magnet.poles.resistance, 0.5 * rig.dt if commits_readings else current_delay
-        ),
+        coil=None if coil is None else coil.for_controller(resistance, used_delay),
     )
 
 

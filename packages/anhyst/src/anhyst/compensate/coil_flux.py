@@ -23,7 +23,7 @@ MAX_DEVIATION_SHARE = 0.02
 """Largest deviation of the estimate from the flux of the law, relative to the full scale. A larger
 one is due to the offset or the resistance, which are then learned quickly."""
 
-MAP_DEVIATION_SHARE = 0.2
+MAP_DEVIATION_SHARE = 0.05
 """The same for a single-valued curve, which lacks the remanence of the iron."""
 
 MAX_OFFSET_SHARE = 0.01
