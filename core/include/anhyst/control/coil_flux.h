@@ -4,25 +4,30 @@
    each tick, `solve` receives the mean voltage of the last tick in place of the flux density. The
    flux of an inner force controller with the method `flux` or `fused` is then a flux linkage:
 
-     law      = expected + inductance*correction        flux that the inner controller expects
-     e        = e + gain*u - resistance*i - offset - (law - law of the last tick)
-     flux     = law + e                                 the measured flux of the inner controller
-     e        = e - pull*e
-     offset   = offset + pull^2/4*e                     limited to -offset..offset
-     resistance = resistance + learning*pull^2/4*e*i    limited to +-spread around the given value
-     pull     = pull - pull^2/4                         from 1/16 down to the given pull
+     law        = expected + inductance*correction     flux that the inner controller expects
+     drift      = gain*u - resistance*i - offset - (law - law of the last tick)
+     offset     = offset + pull*drift                  limited to -offset..offset
+     resistance = resistance + 32*pull*drift*i         if |i| >= 1/4; limited to +-spread
+     pull       = pull - pull^2                        at least the given pull
+     e          = e + drift                            deviation from the law
+     e          = e - (pull*(2*law)^2 + pull - given pull)*e
+     flux       = law + e                              measured flux of the inner controller
 
-   The law gives the flux at standstill, the voltage gives every faster change. At an unknown offset
-   the estimate deviates for some 1/pull ticks, then not at all. The resistance changes only if a
-   current flows. While a limit of the demand or the current is active, the law does not describe
-   the iron. Then only the voltage is integrated. The estimate starts at the law, also after a
-   missing voltage, which is ANHYST_NO_FLUX here. `i` is the committed current, delayed to the
-   middle of the last tick.
+   The law gives the flux at standstill, and the voltage gives every faster change. The error of the
+   law is smallest at a large flux. Therefore, the pull to the law grows with the square of the
+   flux. The sum of all drifts is the change of e. Therefore, an error of the law that returns to
+   its value does not change the offset. Small currents do not teach the resistance, because the
+   remanence of the iron would be taken for a resistance. If the deviation reaches `reach` for
+   ANHYST_COIL_DOUBT_TICKS ticks, offset or resistance are wrong: e becomes 0, and the pull rises by
+   the factor ANHYST_COIL_HASTE. While a limit of demand, current or flux is active, the law does
+   not describe the iron. Then, nothing pulls e. A missing voltage, or one at the end of its range,
+   sets e to 0. `i` is the committed current, delayed to the middle of the last tick. Only the first
+   solve of a tick integrates.
 
-   Formats: signals are q31 codes of their full scales. The sums of the estimator have 60 fractional
-   bits. No sum overflows, and each sum saturates (proved). The error of one step against exact
-   arithmetic with the same numbers is at most 2^-30 of the flux: e is rounded to q31 before it is
-   multiplied, and `pull^2/4` to 41 bits. */
+   Formats: signals are q31 codes of their full scales. The sums have 60 fractional bits. No
+   operation overflows, and each sum stays within its limits (proved). Over 6000 ticks, the sums
+   differ from double precision by less than 2e-6 of full scale; single precision by 3e-5
+   (tested). */
 #ifndef ANHYST_COIL_FLUX_H
 #define ANHYST_COIL_FLUX_H
 
