@@ -331,6 +331,6 @@ def _warnings(fit: CircuitFit) -> tuple[str, ...]:
     if fit.flux_rms > _LARGE_DEVIATION:
         warnings.append(
             f"the magnetic circuit follows the flux linkage only within {100.0 * fit.flux_rms:.2g} % rms of its "
-            "largest value, as if several parts of the magnet saturated; calibrate the force with a reading"
+            "largest value, as if several parts of the magnet saturated; compare the force with a reading"
         )
     return tuple(warnings)
