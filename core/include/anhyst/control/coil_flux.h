@@ -32,6 +32,7 @@
 #define ANHYST_COIL_FLUX_H
 
 #include "anhyst/compensator/force_controller.h"
+#include "anhyst/numeric/names_coil.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -5,6 +5,7 @@
 #define ANHYST_COIL_FLUX_REAL_H
 
 #include "anhyst/compensator/force_controller_real.h"
+#include "anhyst/numeric/names_coil.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,14 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-#define anhyst_coil_flux_x ANHYST_NAME(anhyst_coil_flux)
-#define anhyst_coil_flux_settings_x ANHYST_NAME(anhyst_coil_flux_settings)
-#define anhyst_coil_sum_x ANHYST_NAME(anhyst_coil_sum)
-#define anhyst_force_controller_init_coil_x ANHYST_NAME(anhyst_force_controller_init_coil)
-
-#define ANHYST_COIL_HASTE 16 /* factor of the pull then */
-#define ANHYST_COIL_DOUBT_TICKS                                                                    \
-  32U /* ticks with a large deviation after which the law is taken                                 \
-       */
+#define ANHYST_COIL_HASTE 16        /* factor of the pull then */
+#define ANHYST_COIL_DOUBT_TICKS 32U /* ticks of a large deviation after which the law is taken */
 
 typedef struct {
   anhyst_coil_flux_settings_x settings;

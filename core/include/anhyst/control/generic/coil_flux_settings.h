@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-#define anhyst_coil_flux_settings_x ANHYST_NAME(anhyst_coil_flux_settings)
-#define anhyst_coil_sum_x ANHYST_NAME(anhyst_coil_sum)
-
 typedef struct {
   ANHYST_REAL gain;       /* flux per volt and tick: the length of a tick, s, > 0 */
   ANHYST_REAL resistance; /* flux per ampere and tick, ohm s, >= 0 */

@@ -191,6 +191,7 @@ def _compute_runs(
     """
     is_prediction, kind = direction == "predict", INPUT_KINDS[direction]
     quantity = model.input if is_prediction else model.output
+    values = _read_inputs(model, direction, table, quantity)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     if schedule is None and model.schedule is not None:
         try:
@@ -201,7 +202,6 @@ def _compute_runs(
                 code=error.code,
                 key=error.key,
             ) from None
-    values = _read_inputs(model, direction, table, quantity, schedule)
     time = table.get("time") if model.needs_time else _read_measured(table, "time")
     runs = _find_runs(table, schedule, are_settled=history.startswith("settled"))
     histories = _find_histories(model, direction, table, runs, values, schedule, history)
@@ -236,9 +236,7 @@ def _compute_runs(
     return computed_values, flux_linkage, is_valid, runs, (*flags, *lines)
 
 
-def _read_inputs(
-    model: Model, direction: Direction, table: DataTable, quantity: Quantity, schedule: FloatArray | None
-) -> FloatArray:
+def _read_inputs(model: Model, direction: Direction, table: DataTable, quantity: Quantity) -> FloatArray:
     """Return the drive or the demand; a demanded flux linkage stands for its force."""
     name = _column_name(table, quantity)
     flux_name = QUANTITIES["flux_linkage"].name
@@ -247,6 +245,7 @@ def _read_inputs(
     psi = table.get(flux_name)
     if psi is None:
         return table.require(name, f"{quantity.column} or {QUANTITIES['flux_linkage'].column}")
+    schedule = None if model.schedule is None else table.get(model.schedule.name)
     gaps = np.full(psi.size, model.schedule_or_default(None)) if schedule is None else schedule
     return model.flux.force(psi, gaps)
 
