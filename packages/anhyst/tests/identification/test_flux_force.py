@@ -15,7 +15,9 @@ import anhyst
 from anhyst.data import History
 from anhyst.data.path import find_turning_points
 from anhyst.identification import IdentifyResult
+from anhyst.identification.flux_circuit import ForceReading, PoleArea, fit_circuit
 from anhyst.identification.flux_force import ForceCalibration, derive_force
+from anhyst.identification.flux_records import prepare_records
 from anhyst.model.flux_map import FluxMap
 from anhyst.support.errors import InputError
 from tests.identification import flux_truth
@@ -153,3 +155,54 @@ def test_wrong_calibrations_are_refused() -> None:
         anhyst.identify(loops, pole_area=4e-4, turns=0)
     with pytest.raises(InputError):
         anhyst.identify(loops, force_at={"I_A": [1.0]})
+
+
+def test_a_pole_area_that_contradicts_the_flux_is_refused() -> None:
+    loops = flux_truth.flux_loops()
+    for factor in (0.5, 2.0):
+        pole = PoleArea(factor * 0.5 * flux_truth.AREA, flux_truth.TURNS)
+        with refused("area-contradicts pole_area: the flux linkage gives"):
+            derive_force(loops, ForceCalibration((), pole), 1)
+    derive_force(loops, ForceCalibration((), PoleArea(0.5 * flux_truth.AREA, flux_truth.TURNS)), 1)
+
+
+def test_a_reading_without_current_is_no_contradiction() -> None:
+    loops = flux_truth.flux_loops()
+    derive_force(loops, ForceCalibration((ForceReading(0.0, 0.3e-3, 0.0),)), 1)
+
+
+def test_the_uncertainty_covers_the_force_in_saturation() -> None:
+    derived = derive_force(flux_truth.flux_loops(), ForceCalibration(), 1)
+    _, psi, force = flux_truth.run(flux_truth.flux_path((0.0, 1.0)), 0.3e-3)
+    error = np.abs(derived.flux.force(psi, np.full(psi.size, 0.3e-3)) - force).max() / force.max()
+    assert derived.flux.worst_uncertainty is not None
+    assert error < 1.5 * derived.flux.worst_uncertainty
+    assert derived.flux.worst_uncertainty > 0.013
+
+
+def test_a_negative_flux_linkage_is_not_inverted_to_a_positive_current() -> None:
+    model = identified().model
+    psi = 0.5 * flux_map_of(identified()).largest_flux
+    demand = {"psi_Wb": np.array([0.0, psi, -psi]), "gap_m": np.full(3, 0.4e-3)}
+    inverted = anhyst.invert(model, demand, history="demagnetised").to_columns()
+    assert inverted["valid"].tolist() == [1, 1, 0]
+
+
+def test_zeros_and_drifts_have_equal_length() -> None:
+    with refused("wrong-size zeros: 1 zeros"):
+        replace(flux_map_of(identified()), zeros=(0.0,))
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_a_reading_has_the_flux_linkage_of_the_rising_current(share: float) -> None:
+    fit = fit_circuit(prepare_records(flux_truth.flux_loops()))
+    current, psi, _ = flux_truth.run(flux_truth.flux_path((0.0, share)), 0.3e-3)
+    current_scale, flux_scale, gap_scale = fit.records.scales
+    found = flux_scale * fit.flux_at(float(current[-1]) / current_scale, 0.3e-3 / gap_scale)
+    assert found == pytest.approx(psi[-1], rel=0.006)
+
+
+def test_a_reading_beyond_the_currents_of_the_loops_is_refused() -> None:
+    calibration = ForceCalibration((ForceReading(100.0, 0.3e-3, 400.0),))
+    with refused("reading-outside force_at: 100 A"):
+        derive_force(flux_truth.flux_loops(), calibration, 1)
