@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import anhyst
 from anhyst.data import History
 from anhyst.data.path import find_turning_points
+from anhyst.data.plausibility import check_plausible
 from anhyst.identification import IdentifyResult
 from anhyst.identification.flux_circuit import ForceReading, PoleArea, fit_circuit
 from anhyst.identification.flux_force import ForceCalibration, derive_force
@@ -206,3 +207,9 @@ def test_a_reading_beyond_the_currents_of_the_loops_is_refused() -> None:
     calibration = ForceCalibration((ForceReading(100.0, 0.3e-3, 400.0),))
     with refused("reading-outside force_at: 100 A"):
         derive_force(flux_truth.flux_loops(), calibration, 1)
+
+
+def test_a_flux_linkage_in_other_units_is_implausible() -> None:
+    loops = flux_truth.flux_loops()
+    loops = loops.with_loops(replace(loop, output=1e3 * loop.output) for loop in loops.loops)
+    assert any("are the numbers in mWb, not Wb?" in text for text in check_plausible(loops))
