@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import anhyst
-from anhyst.data import History
+from anhyst.data import History, Loop, Loops
 from anhyst.data.path import find_turning_points
 from anhyst.data.plausibility import check_plausible
 from anhyst.identification import IdentifyResult
@@ -21,6 +22,7 @@ from anhyst.identification.flux_force import ForceCalibration, derive_force
 from anhyst.identification.flux_records import prepare_records
 from anhyst.model.flux_map import FluxMap
 from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 from tests.identification import flux_truth
 from tests.refusals import refused
 
@@ -184,9 +186,9 @@ def test_the_uncertainty_covers_the_force_in_saturation() -> None:
 def test_a_negative_flux_linkage_is_not_inverted_to_a_positive_current() -> None:
     model = identified().model
     psi = 0.5 * flux_map_of(identified()).largest_flux
-    demand = {"psi_Wb": np.array([0.0, psi, -psi]), "gap_m": np.full(3, 0.4e-3)}
+    demand = {"psi_Wb": np.array([psi, -psi]), "gap_m": np.full(2, 0.4e-3)}
     inverted = anhyst.invert(model, demand, history="demagnetised").to_columns()
-    assert inverted["valid"].tolist() == [1, 1, 0]
+    assert inverted["valid"].tolist() == [True, False]
 
 
 def test_zeros_and_drifts_have_equal_length() -> None:
@@ -213,3 +215,26 @@ def test_a_flux_linkage_in_other_units_is_implausible() -> None:
     loops = flux_truth.flux_loops()
     loops = loops.with_loops(replace(loop, output=1e3 * loop.output) for loop in loops.loops)
     assert any("are the numbers in mWb, not Wb?" in text for text in check_plausible(loops))
+
+
+def test_ramps_of_few_samples_keep_their_knee() -> None:
+    loops = flux_truth.flux_loops(noise=0.0, drift=0.0)
+    few = []
+    for loop in loops.loops:
+        reversals = find_turning_points(loop.input)[:4]  # two rises and a fall
+        ramps = [np.linspace(start, stop, 13).round().astype(int) for start, stop in pairwise(reversals)]
+        rows = np.unique(np.concatenate(ramps))
+        columns = {name: getattr(loop, name)[rows] for name in ("input", "output", "schedule")}
+        few.append(replace(loop, **columns))
+    assert fit_circuit(prepare_records(loops.with_loops(few))).flux_rms < 3e-3
+
+
+def test_the_slope_over_few_currents_is_finite() -> None:
+    levels = np.concatenate([np.linspace(0.0, 1.0, 13), np.linspace(1.0, 0.0, 13)[1:]])
+    current = levels + 1e-4 * np.random.default_rng(1).standard_normal(levels.size)
+    flux = current + 0.02 * np.sign(np.arange(levels.size) - 12.5)
+    loop = Loop("1", current, flux, np.full(levels.size, 0.3e-3), history=History("demagnetised"))
+    loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["flux_linkage"], QUANTITIES["gap"])
+    weight = prepare_records(loops).weight
+    assert weight.min() > 0.5
+    assert weight.max() < 2.0
