@@ -156,6 +156,14 @@ def test_constant_voltage_is_refused() -> None:
         read_loops(columns(made) | {"u_V": np.full(made.time.size, 0.25)})
 
 
+def test_a_sense_coil_that_is_named_as_the_coil_is_refused() -> None:
+    made = record(is_sense=True)
+    with refused("voltage-of-sense-coil u_V: the turns"):
+        read_loops(columns(made), schedule="none")
+    turns = {"turns": 20, "sense_turns": 20}
+    read_loops(columns(made), schedule="none", columns={"u_V": "u_sense_V"}, constants=turns)
+
+
 def test_sense_coil_is_referred_to_the_turns_of_the_coil() -> None:
     """The flux of a sense coil is multiplied by the ratio of the turns, which must be stated."""
     made = record(BOTH_SIGNS, is_sense=True)

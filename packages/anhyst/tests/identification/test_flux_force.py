@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import anhyst
-from anhyst.data import History
+from anhyst.data import History, Loop, Loops
 from anhyst.data.path import find_turning_points
+from anhyst.data.plausibility import check_plausible
 from anhyst.identification import IdentifyResult
+from anhyst.identification.flux_circuit import ForceReading, PoleArea, fit_circuit
 from anhyst.identification.flux_force import ForceCalibration, derive_force
+from anhyst.identification.flux_records import prepare_records
 from anhyst.model.flux_map import FluxMap
 from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
 from tests.identification import flux_truth
 from tests.refusals import refused
 
@@ -153,3 +158,83 @@ def test_wrong_calibrations_are_refused() -> None:
         anhyst.identify(loops, pole_area=4e-4, turns=0)
     with pytest.raises(InputError):
         anhyst.identify(loops, force_at={"I_A": [1.0]})
+
+
+def test_a_pole_area_that_contradicts_the_flux_is_refused() -> None:
+    loops = flux_truth.flux_loops()
+    for factor in (0.5, 2.0):
+        pole = PoleArea(factor * 0.5 * flux_truth.AREA, flux_truth.TURNS)
+        with refused("area-contradicts pole_area: the flux linkage gives"):
+            derive_force(loops, ForceCalibration((), pole), 1)
+    derive_force(loops, ForceCalibration((), PoleArea(0.5 * flux_truth.AREA, flux_truth.TURNS)), 1)
+
+
+def test_a_reading_without_current_is_no_contradiction() -> None:
+    loops = flux_truth.flux_loops()
+    derive_force(loops, ForceCalibration((ForceReading(0.0, 0.3e-3, 0.0),)), 1)
+
+
+def test_the_uncertainty_covers_the_force_in_saturation() -> None:
+    derived = derive_force(flux_truth.flux_loops(), ForceCalibration(), 1)
+    _, psi, force = flux_truth.run(flux_truth.flux_path((0.0, 1.0)), 0.3e-3)
+    error = np.abs(derived.flux.force(psi, np.full(psi.size, 0.3e-3)) - force).max() / force.max()
+    assert derived.flux.worst_uncertainty is not None
+    assert error < 1.5 * derived.flux.worst_uncertainty
+    assert derived.flux.worst_uncertainty > 0.013
+
+
+def test_a_negative_flux_linkage_is_not_inverted_to_a_positive_current() -> None:
+    model = identified().model
+    psi = 0.5 * flux_map_of(identified()).largest_flux
+    demand = {"psi_Wb": np.array([psi, -psi]), "gap_m": np.full(2, 0.4e-3)}
+    inverted = anhyst.invert(model, demand, history="demagnetised").to_columns()
+    assert inverted["valid"].tolist() == [True, False]
+
+
+def test_zeros_and_drifts_have_equal_length() -> None:
+    with refused("wrong-size zeros: 1 zeros"):
+        replace(flux_map_of(identified()), zeros=(0.0,))
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_a_reading_has_the_flux_linkage_of_the_rising_current(share: float) -> None:
+    fit = fit_circuit(prepare_records(flux_truth.flux_loops()))
+    current, psi, _ = flux_truth.run(flux_truth.flux_path((0.0, share)), 0.3e-3)
+    current_scale, flux_scale, gap_scale = fit.records.scales
+    found = flux_scale * fit.flux_at(float(current[-1]) / current_scale, 0.3e-3 / gap_scale)
+    assert found == pytest.approx(psi[-1], rel=0.006)
+
+
+def test_a_reading_beyond_the_currents_of_the_loops_is_refused() -> None:
+    calibration = ForceCalibration((ForceReading(100.0, 0.3e-3, 400.0),))
+    with refused("reading-outside force_at: 100 A"):
+        derive_force(flux_truth.flux_loops(), calibration, 1)
+
+
+def test_a_flux_linkage_in_other_units_is_implausible() -> None:
+    loops = flux_truth.flux_loops()
+    loops = loops.with_loops(replace(loop, output=1e3 * loop.output) for loop in loops.loops)
+    assert any("are the numbers in mWb, not Wb?" in text for text in check_plausible(loops))
+
+
+def test_ramps_of_few_samples_keep_their_knee() -> None:
+    loops = flux_truth.flux_loops(noise=0.0, drift=0.0)
+    few = []
+    for loop in loops.loops:
+        reversals = find_turning_points(loop.input)[:4]  # two rises and a fall
+        ramps = [np.linspace(start, stop, 13).round().astype(int) for start, stop in pairwise(reversals)]
+        rows = np.unique(np.concatenate(ramps))
+        columns = {name: getattr(loop, name)[rows] for name in ("input", "output", "schedule")}
+        few.append(replace(loop, **columns))
+    assert fit_circuit(prepare_records(loops.with_loops(few))).flux_rms < 3e-3
+
+
+def test_the_slope_over_few_currents_is_finite() -> None:
+    levels = np.concatenate([np.linspace(0.0, 1.0, 13), np.linspace(1.0, 0.0, 13)[1:]])
+    current = levels + 1e-4 * np.random.default_rng(1).standard_normal(levels.size)
+    flux = current + 0.02 * np.sign(np.arange(levels.size) - 12.5)
+    loop = Loop("1", current, flux, np.full(levels.size, 0.3e-3), history=History("demagnetised"))
+    loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["flux_linkage"], QUANTITIES["gap"])
+    weight = prepare_records(loops).weight
+    assert weight.min() > 0.5
+    assert weight.max() < 2.0

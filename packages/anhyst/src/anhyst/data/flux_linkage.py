@@ -36,6 +36,8 @@ _REST_ERROR = 1e-4
 _RESISTANCE_SHARE = 10.0
 """Standard deviation of the resistance before the record, relative to the largest voltage over
 the largest current."""
+_MIN_RESISTANCE_SHARE = 2e-3
+"""Smallest resistance of a coil, relative to the same ratio. A sense coil carries no current."""
 _HEAT_SHARE = 0.05
 """Standard deviation of the warming by heat that stays in the coil, relative to the resistance."""
 _COOLED_SHARE = 0.02
@@ -209,7 +211,17 @@ def _refuse_inaccurate(fit: _Fit) -> None:
             code="voltage-sign",
             key="u_V",
         )
-    if uncertainty <= _MAX_UNCERTAINTY:
+    largest_u, largest_i = (float(np.max(np.abs(v))) for v in (fit.record.loop.output, fit.record.loop.input))
+    resistance_limit = min(4.0 * fit.sigmas[0], _MIN_RESISTANCE_SHARE * largest_u / largest_i)
+    is_accurate = uncertainty <= _MAX_UNCERTAINTY
+    if is_accurate and fit.record.has_resistance and fit.values[0] < resistance_limit:
+        raise InputError(
+            f"the resistance of the coil would be 0 ± {fit.sigmas[0]:.2g} Ohm, as if the voltage were that of a "
+            'sense coil; map it, and state the turns: --columns "u_V=u_sense_V"',
+            code="voltage-of-sense-coil",
+            key="u_V",
+        )
+    if is_accurate:
         return
     all_values = tuple(range(fit.values.size))
     sampling = fit.flux_uncertainty(known=all_values)

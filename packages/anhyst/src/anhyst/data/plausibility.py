@@ -33,6 +33,7 @@ _PLAUSIBLE_RANGES: dict[str, tuple[float, float, str, str]] = {
     "field": (1e-2, 1e7, "kA/m, not A/m", "A/m, not kA/m"),
     "voltage": (1e-5, 1e5, "V, not mV", "mV, not V"),
     "force": (1e-5, 1e5, "N, not uN", "N, not kN, or mN, not N"),
+    "flux_linkage": (1e-6, 20.0, "Wb, not mWb", "mWb, not Wb"),
     "flux_density": (1e-5, 4.0, "T, not mT", "mT or G, not T"),
     "displacement": (1e-10, 1.0, "um, not nm", "mm or um, not m"),
 }

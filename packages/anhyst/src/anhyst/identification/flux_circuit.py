@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import orth
 from scipy.optimize import OptimizeResult, least_squares, nnls
 
-from anhyst.identification.flux_records import FluxRecords
+from anhyst.identification.flux_records import STOP_THRESHOLDS, FluxRecords
 from anhyst.model.flux_map import FluxMap, hinges
 from anhyst.support.numeric import FloatArray, rms
 
@@ -125,13 +125,14 @@ class CircuitFit:
         return -self.free[1:]
 
     def flux_at(self, current: float, gap: float) -> float:
-        """Return the normalised flux linkage without hysteresis at a normalised current and gap."""
+        """Return the normalised flux linkage at a normalised current, risen from zero, and gap."""
         flux = np.linspace(0.0, 1.5, 3001)
         circuit, gaps = self.circuit, np.full(flux.size, gap)
         gap_flux = circuit.gap_flux(flux, gaps)
         drop = circuit.armature(gap_flux)[0] + circuit.reluctance(gaps)[0] * gap_flux
-        anhysteretic = anhysteretic_basis(flux)
-        total = self.free[0] + anhysteretic @ self.yoke[: anhysteretic.shape[1]] + drop
+        stops = np.minimum(flux[:, None], STOP_THRESHOLDS)
+        basis = np.hstack([anhysteretic_basis(flux), stops, stops * flux[:, None] ** 2])
+        total = self.free[0] + basis @ self.yoke + drop
         return float(np.interp(current, total, flux))
 
 

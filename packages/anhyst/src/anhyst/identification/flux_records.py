@@ -29,12 +29,18 @@ RAMP_SAMPLES = 24
 _SMOOTHED_SAMPLES = 11
 """Number of samples of the window that smooths a ramp."""
 
+_WINDOWS_PER_RAMP = 5
+"""Minimum length of a ramp in windows, so that a parabola can follow its knee."""
+
 _SMALLEST_WINDOW = 5
 
 STOP_THRESHOLDS = np.array([0.004, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6])
 """Thresholds of the stop operators, relative to the largest flux linkage."""
 
 _SLOPE_BINS = 16
+_CURRENT_LEVELS = 100
+"""Resolution at which currents are counted as different. With fewer currents than bins, neighbouring
+bins can have almost the same current, and the slope between them is not defined."""
 _WIDTH_LEVELS = 13
 _MIN_SLOPE = 0.02
 """Smallest weight of a sample, as slope of flux linkage over current in normalised units."""
@@ -151,7 +157,7 @@ def _smooth_ramps(loop: Loop) -> tuple[FloatArray, FloatArray, FloatArray]:
     for start, stop in pairwise(reversals.tolist()):
         size = stop - start + 1
         ramp = [column[start : stop + 1] for column in (loop.input, loop.output)]
-        window = min(_SMOOTHED_SAMPLES, size - 1 + size % 2)
+        window = min(_SMOOTHED_SAMPLES, size // _WINDOWS_PER_RAMP | 1)
         if window >= _SMALLEST_WINDOW:
             ramp = [savgol_filter(column, window, 2, mode="interp") for column in ramp]
         rows = np.unique(np.linspace(0, size - 1, min(size, RAMP_SAMPLES)).round().astype(np.intp))
@@ -177,12 +183,15 @@ def _flux_before(loop: Loop, current: FloatArray, flux: FloatArray, current_scal
 
 def _mean_slope(current: FloatArray, flux: FloatArray) -> FloatArray:
     """Return the slope of the middle of a loop at each sample."""
-    edges = np.linspace(current.min(), current.max(), _SLOPE_BINS + 1)
-    bins = np.clip(np.digitize(current, edges) - 1, 0, _SLOPE_BINS - 1)
-    counts = np.bincount(bins, minlength=_SLOPE_BINS)
+    span = float(np.ptp(current)) or 1.0
+    level_count = np.unique(np.round(_CURRENT_LEVELS * current / span)).size
+    count = max(2, min(_SLOPE_BINS, 2 * level_count // 3))
+    edges = np.linspace(current.min(), current.max(), count + 1)
+    bins = np.clip(np.digitize(current, edges) - 1, 0, count - 1)
+    counts = np.bincount(bins, minlength=count)
     is_filled = counts > 0
     mean_current, mean_flux = (
-        np.bincount(bins, column, _SLOPE_BINS)[is_filled] / counts[is_filled] for column in (current, flux)
+        np.bincount(bins, column, count)[is_filled] / counts[is_filled] for column in (current, flux)
     )
     slope = np.gradient(np.maximum.accumulate(mean_flux), mean_current)
     return np.asarray(np.maximum(np.interp(current, mean_current, slope), _MIN_SLOPE))

@@ -63,7 +63,7 @@ from anhyst.model.residual_analysis import (
     describe_residual,
     explain_rejection,
 )
-from anhyst.model.schema import FitFigures, Provenance, fit_figures
+from anhyst.model.schema import FitFigures, Provenance, ValidRange, fit_figures
 from anhyst.support import running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -160,7 +160,7 @@ def identify(
     if derived is not None:  # computed loops are not part of the result, and would flatter its error
         loops = loops.with_loops(loops.loops[: len(derived.loops)]) if tables is None else loops
         outcome = replace(outcome, expected_error=None)
-    valid, hysteresis = valid_range(loops), NO_HYSTERESIS_TEXT if tables else ""
+    valid, hysteresis = _find_valid_range(loops, derived), NO_HYSTERESIS_TEXT if tables else ""
     loops = (measured or tables) if tables else loops
     if tables and measured:
         outcome, valid, hysteresis = add_measured_width(outcome, measured, valid)
@@ -253,6 +253,12 @@ def _derive_wanted_force(
             raise
         return None, (f"no force: {error}",)
     return derived, derived.warnings
+
+
+def _find_valid_range(loops: Loops, derived: DerivedForce | None) -> ValidRange:
+    """Return the range of the loops. A derived force has no noise below zero, so its range begins at 0 N."""
+    valid = valid_range(loops)
+    return valid if derived is None else replace(valid, output=(0.0, valid.output[1]))
 
 
 def check_options(law: str, gap_map: str, search: str) -> None:

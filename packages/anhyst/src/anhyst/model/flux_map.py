@@ -72,6 +72,11 @@ class FluxMap(FileRecord):
         if knots.shape != weights.shape or (np.diff(knots) <= 0.0).any() or (knots < 0.0).any():
             text = "model flux: give one armature weight for each knot; knots must ascend from 0"
             raise InputError(text, code="not-ascending", key="armature_knots")
+        if len(self.zeros) != len(self.drifts):
+            text = (
+                f"model flux: {len(self.zeros)} zeros and {len(self.drifts)} drifts; give one for each loop"
+            )
+            raise InputError(text, code="wrong-size", key="zeros")
         if (weights < 0.0).any():
             text = "model flux: armature weights must not be negative"
             raise InputError(text, code="out-of-range", key="armature_weights")

@@ -237,7 +237,11 @@ def _compute_runs(
 
 
 def _read_inputs(model: Model, direction: Direction, table: DataTable, quantity: Quantity) -> FloatArray:
-    """Return the drive or the demand; a demanded flux linkage stands for its force."""
+    """Return the drive or the demand; a demanded flux linkage is converted to its force.
+
+    The current of an even force is that of a positive flux linkage, so a negative flux linkage
+    becomes a negative force, which is flagged.
+    """
     name = _column_name(table, quantity)
     flux_name = QUANTITIES["flux_linkage"].name
     if direction == "predict" or model.flux is None or table.get(name) is not None:
@@ -247,7 +251,7 @@ def _read_inputs(model: Model, direction: Direction, table: DataTable, quantity:
         return table.require(name, f"{quantity.column} or {QUANTITIES['flux_linkage'].column}")
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     gaps = np.full(psi.size, model.schedule_or_default(None)) if schedule is None else schedule
-    return model.flux.force(psi, gaps)
+    return np.asarray(np.copysign(model.flux.force(psi, gaps), psi))
 
 
 def _find_histories(

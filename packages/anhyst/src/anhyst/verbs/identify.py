@@ -228,6 +228,14 @@ def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[Outpu
     model, fit = result.model, result.model.fit
     yield f"{arguments['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
     settings = model.provenance.settings
+    if model.flux is not None:
+        mean, worst = (
+            100.0 * (value or 0.0) for value in (model.flux.mean_uncertainty, model.flux.worst_uncertainty)
+        )
+        yield (
+            f"force derived from the flux linkage: uncertain by {mean:.2g} % in the mean and {worst:.2g} % "
+            "at worst, of the largest force"
+        )
     if hysteresis := settings.get("hysteresis"):
         yield f"hysteresis: {hysteresis}"
     yield from _show_fit(model)
@@ -237,13 +245,6 @@ def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[Outpu
     if dead_band := settings.get("dead_band"):
         yield f"dead band: {dead_band}"
     if model.flux is not None:
-        mean, worst = (
-            100.0 * (value or 0.0) for value in (model.flux.mean_uncertainty, model.flux.worst_uncertainty)
-        )
-        yield (
-            f"force derived from the flux linkage: uncertain by {mean:.2g} % in the mean and {worst:.2g} % "
-            "at worst, of the largest force"
-        )
         yield from model.flux.assumptions
     if rate_text := settings.get("rate"):
         yield f"rate: {rate_text}"
