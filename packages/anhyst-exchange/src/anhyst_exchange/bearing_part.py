@@ -202,8 +202,10 @@ def plant_header(rig: BodyRig) -> str:
     """Return the header with the parameters of the plant."""
     settings = rig.settings
     parameters = plant_parameters(rig)
-    circuit = circuit_parameters(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
-    magnet, circuits = magnet_definition(settings.steel, circuit, settings.magnet.solid_iron)
+    poles = settings.magnet.poles
+    circuit = circuit_parameters(poles, settings.magnet.eddy_time_s, settings.gap_m)
+    solid, cone = settings.magnet.solid_iron, poles.cone_parameters()
+    magnet, circuits = magnet_definition(settings.steel, circuit, solid, cone)
     actuators = [{"magnet": magnet, **actuator} for actuator in parameters.actuators]
     bearing = {
         **parameters.body,

@@ -45,9 +45,8 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
     else:
         table = rig.settings.magnet
         solid = table.solid_iron
-        magnet, text = magnet_definition(
-            rig.settings.steel, circuit_parameters(table.poles, 0.0, 1e-3), solid
-        )
+        circuit, cone = circuit_parameters(table.poles, 0.0, 1e-3), table.poles.cone_parameters()
+        magnet, text = magnet_definition(rig.settings.steel, circuit, solid, cone)
     sensors = rig.sensor_parameters(rig.dt)
     plant_values = {
         "magnet": magnet,

@@ -75,7 +75,8 @@ _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
     tables.AmplifierTable: {
         "supply_V": "1 1 . .",
         "slew_A_per_s": ". . 1 .",
-        **dict.fromkeys(("mode", "current_low_A", "delay_s"), "? ? . ."),
+        "current_low_A": "? ? ? .",
+        **dict.fromkeys(("mode", "delay_s"), "? ? . ."),
     },
     tables.BodyTable: {
         "free": ". ? . .",

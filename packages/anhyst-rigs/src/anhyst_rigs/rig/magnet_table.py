@@ -153,6 +153,11 @@ class MagnetTable(Table):
         return not output_map(QUANTITIES[self.output]).is_even
 
     @property
+    def is_biased(self) -> bool:
+        """Whether a permanent magnet is in series with the iron."""
+        return self.kind == "permanent-magnet"
+
+    @property
     def has_iron_from_loops(self) -> bool:
         """Whether omitted keys are fitted to the loops."""
         return self.iron == FROM_LOOPS

@@ -130,6 +130,7 @@ class Specimen:
     drive: str = "current"  # quantities that the loops contain
     output: str = "force"
     is_bipolar: bool = False  # whether the current can have both signs
+    is_biased: bool = False  # whether a permanent magnet keeps the iron magnetised without current
     supply: Supply | None = None  # None if the largest rate does not depend on the current
     max_fast_rate: Bound | None = None  # limit of the rate of fast cycles; None: `max_rate`
     has_own_gaps: bool = False  # whether [excite] gives the gaps
@@ -153,11 +154,9 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         Bound(USED_SENSOR_RANGE_FRACTION * current_sensor.high_A, "current_sensor.high_A"),
     ]
     forces = [Bound(USED_SENSOR_RANGE_FRACTION * force_sensor.high_N, "force_sensor.high_N")]
+    is_bipolar = settings.magnet.is_bidirectional or _weakens_magnet(settings)
+    currents += _negative_bounds(settings) if is_bipolar else []
     if settings.magnet.is_bidirectional:
-        currents += [
-            Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
-            Bound(-USED_SENSOR_RANGE_FRACTION * current_sensor.low_A, "current_sensor.low_A"),
-        ]
         forces.append(Bound(-USED_SENSOR_RANGE_FRACTION * force_sensor.low_N, "force_sensor.low_N"))
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     inductance = poles.inductance(min(gaps))
@@ -180,8 +179,22 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         fast_rates=tuple(campaign.fast_A_per_s),
         demanded_force_rate=_demanded_force_rate(settings),
         output=settings.magnet.output,
-        is_bipolar=settings.magnet.is_bidirectional,
+        is_bipolar=is_bipolar,
+        is_biased=settings.magnet.is_biased,
     )
+
+
+def _weakens_magnet(file: RigFile) -> bool:
+    """Whether a negative current weakens the flux of a permanent magnet."""
+    return file.solenoid is None and file.magnet.is_biased and file.amplifier.current_low_A < 0.0
+
+
+def _negative_bounds(file: RigFile) -> list[Bound]:
+    """Return the limits of the largest current of both signs."""
+    return [
+        Bound(-file.amplifier.current_low_A, "amplifier.current_low_A"),
+        Bound(-USED_SENSOR_RANGE_FRACTION * file.current_sensor.low_A, "current_sensor.low_A"),
+    ]
 
 
 def _demanded_force_rate(file: RigFile) -> float:
@@ -215,7 +228,8 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         coil = _measured_coil(settings, poles.turns, poles.resistance)
     campaign = None if file is None else file.measurement
     default_gaps = sorted({force.end_m, *settings.held_case.gaps_m}) if campaign is None else campaign.gaps_m
-    return _make_specimen(
+    is_bipolar = _weakens_magnet(settings)
+    specimen = _make_specimen(
         rig,
         tuple(excite.gaps_m or default_gaps),
         excite,
@@ -224,12 +238,15 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         currents=[
             Bound(amplifier.current_high_A, "amplifier.current_high_A"),
             Bound(USED_SENSOR_RANGE_FRACTION * settings.current_sensor.high_A, "current_sensor.high_A"),
+            *(_negative_bounds(settings) if is_bipolar else ()),
         ],
-        min_current=0.0,
+        min_current=min(amplifier.current_low_A, 0.0),
         supply_rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
         sensor_force=Bound(USED_SENSOR_RANGE_FRACTION * settings.force_sensor.high_N, "force_sensor.high_N"),
         coil=coil,
     )
+    is_biased = file is None and settings.magnet.is_biased
+    return replace(specimen, is_bipolar=is_bipolar, is_biased=is_biased)
 
 
 def _measured_coil(file: RigFile, turns: float, resistance: float | None) -> MeasuredCoil | None:
@@ -411,8 +428,8 @@ def sine_path(reversals: Sequence[float], step: float) -> FloatArray:
 
 
 def can_demagnetise(specimen: Specimen, peak: float) -> bool:
-    """Whether the amplifier can drive the negative of the peak current."""
-    return specimen.min_current <= -peak
+    """Whether the amplifier can drive the negative of the peak current, without a permanent magnet."""
+    return not specimen.is_biased and specimen.min_current <= -peak
 
 
 def current_step(specimen: Specimen) -> float:
@@ -426,7 +443,8 @@ def design_approach(specimen: Specimen, peak: float) -> tuple[tuple[float, ...],
     if can_demagnetise(specimen, peak):
         reversals = (0.0, *decaying_reversals(0.0, peak, DEMAGNETISING_DECAY))
         return reversals, sine_path(reversals, step), DEMAGNETISED
-    reversals = (0.0, *[peak, 0.0] * specimen.conditioning_cycles)
+    lower_end = -peak if specimen.is_bipolar else 0.0
+    reversals = (0.0, *[peak, lower_end] * specimen.conditioning_cycles, *[0.0] * specimen.is_bipolar)
     return reversals, sweep_path(reversals, step), History("conditioned", reversals)
 
 
