@@ -189,6 +189,32 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
         yield from _pair_faults(file, first_magnet)
 
 
+def _bias_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find instruments and currents that do not suit a magnet with or without a permanent magnet."""
+    magnet = next(
+        (table for table in file.magnets if isinstance(table, MagnetTable) and table.is_biased), None
+    )
+    if magnet is not None and magnet.has_iron_from_loops:
+        text = "loops do not separate a permanent magnet from the iron; name one of [[iron]]"
+        yield FileFault(file.key_path(magnet, "iron"), text, code="not-for-this-kind")
+        return
+    for path, table in file.tables():
+        if isinstance(table, tables.AmplifierTable):
+            key = (*path, "current_low_A")
+            if magnet is None and file.control.kind == "force":
+                is_given = "current_low_A" in table.model_fields_set
+                yield from _presence_fault(file, key, ". . . .", is_given, "")
+            elif magnet is not None and -table.current_low_A * magnet.poles.turns > magnet.poles.magnet_mmf:
+                low = -magnet.poles.magnet_mmf / magnet.poles.turns
+                text = f"reverses the flux of the permanent magnet; raise it to {low:.3g} A or more"
+                yield FileFault(key, text, code="out-of-range")
+        elif magnet is not None and isinstance(
+            table, sensor_table.FluxSensorTable | sensor_table.VoltageSensorTable
+        ):
+            text = "is not available for a magnet with a permanent magnet; remove it"
+            yield FileFault(path, text, code="not-for-this-kind")
+
+
 def _pair_faults(file: RigFile, first_magnet: MagnetTable | None) -> Iterator[FileFault]:
     is_bidirectional = first_magnet is not None and first_magnet.is_bidirectional
     needs_opposite = _count_limits(file, _TABLE_RULES[LikeTable][0])[0] > 0
@@ -219,7 +245,7 @@ def _push_faults(file: RigFile, first_magnet: MagnetTable) -> Iterator[FileFault
 def read_rig_file(path: PathLike, kind: str) -> RigFile:
     """Read and check the rig file of a kind, which is the value of its key ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
-    faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file)]
+    faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file), *_bias_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:

@@ -102,7 +102,7 @@ class MagnetTable(Table):
             raise InputError(text, code="not-for-this-kind")
         if self.iron is None and (self.kind != LAW_KIND or self.flux_table is None):
             raise InputError(f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing")
-        if self.solid is not None and self.kind == LAW_KIND:
+        if self.solid is not None and (self.kind == LAW_KIND or self.is_biased):
             raise InputError('solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind")
         parameters = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
         for key in sorted(parameters.keys() - self.numbers):
