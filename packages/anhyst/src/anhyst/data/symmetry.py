@@ -142,11 +142,10 @@ def describe_flux_bias(loopset: Loops) -> str:
         ]
         if {branch.is_rising for branch in full} != {True, False}:
             continue
-        curves = [
-            average_in_bins(*(np.concatenate([column[b.rows] for b in full if b.is_rising is rising])
-                              for column in (loop.input, loop.output)), _BIN_COUNT)
-            for rising in (True, False)
-        ]  # fmt: skip
+        curves = []
+        for is_rising in (True, False):
+            rows = np.concatenate([np.r_[b.rows] for b in full if b.is_rising is is_rising])
+            curves.append(average_in_bins(loop.input[rows], loop.output[rows], _BIN_COUNT))
         ends = [end for drive, _ in curves for end in (-drive[0], drive[-1])]
         grid = np.linspace(-min(ends), min(ends), 2 * _BIN_COUNT + 1)
         rising, falling = (np.interp(grid, *curve) for curve in curves)
