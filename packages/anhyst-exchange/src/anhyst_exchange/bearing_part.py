@@ -202,6 +202,9 @@ def plant_header(rig: BodyRig) -> str:
     """Return the header with the parameters of the plant."""
     settings = rig.settings
     parameters = plant_parameters(rig)
+    if rig.coupling is not None:
+        text = "an FMU has no force map of both currents; export a rig with another kind of magnet"
+        raise InputError(f"{rig.path}: magnet.kind: {text}", code="not-for-this-kind", key="magnet.kind")
     poles = settings.magnet.poles
     circuit = circuit_parameters(poles, settings.magnet.eddy_time_s, settings.gap_m)
     solid, cone = settings.magnet.solid_iron, poles.cone_parameters()

@@ -15,7 +15,14 @@ from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
 from anhyst.support.toml_text import KeyPath
 from anhyst_rigs.rig import case_table, sensor_table, tables
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, SolenoidTable
+from anhyst_rigs.rig.magnet_table import (
+    CLOSES_GAP,
+    FROM_LOOPS,
+    OPENS_GAP,
+    LikeTable,
+    MagnetTable,
+    SolenoidTable,
+)
 from anhyst_rigs.rig.measurement_table import identify_faults
 
 RIG_KINDS = ("levitation", "tracking", "force", "displacement")
@@ -189,30 +196,40 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
         yield from _pair_faults(file, first_magnet)
 
 
-def _bias_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find instruments and currents that do not suit a magnet with or without a permanent magnet."""
-    magnet = next(
-        (table for table in file.magnets if isinstance(table, MagnetTable) and table.is_biased), None
-    )
-    if magnet is not None and magnet.has_iron_from_loops:
-        text = "loops do not separate a permanent magnet from the iron; name one of [[iron]]"
-        yield FileFault(file.key_path(magnet, "iron"), text, code="not-for-this-kind")
-        return
+def _circuit_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find what does not suit a permanent magnet or two coils on one yoke."""
+    magnets = [table for table in file.magnets if isinstance(table, MagnetTable)]
+    magnet = next((table for table in magnets if table.is_biased or table.is_coupled), None)
     for path, table in file.tables():
-        if isinstance(table, tables.AmplifierTable):
-            key = (*path, "current_low_A")
-            if magnet is None and file.control.kind == "force":
-                is_given = "current_low_A" in table.model_fields_set
-                yield from _presence_fault(file, key, ". . . .", is_given, "")
-            elif magnet is not None and -table.current_low_A * magnet.poles.turns > magnet.poles.magnet_mmf:
-                low = -magnet.poles.magnet_mmf / magnet.poles.turns
-                text = f"reverses the flux of the permanent magnet; raise it to {low:.3g} A or more"
-                yield FileFault(key, text, code="out-of-range")
-        elif magnet is not None and isinstance(
+        if isinstance(table, tables.AmplifierTable) and (magnet is None or not magnet.has_iron_from_loops):
+            yield from _current_faults(file, (*path, "current_low_A"), table, magnet)
+        if magnet is not None and isinstance(
             table, sensor_table.FluxSensorTable | sensor_table.VoltageSensorTable
         ):
-            text = "is not available for a magnet with a permanent magnet; remove it"
+            text = f'is not available for a magnet of kind "{magnet.kind}"; remove it'
             yield FileFault(path, text, code="not-for-this-kind")
+    if magnet is None:
+        return
+    if magnet.has_iron_from_loops:
+        text = "loops do not separate it from its permanent magnet or shared path; name one of [[iron]]"
+        yield FileFault(file.key_path(magnet, "iron"), text, code="not-for-this-kind")
+    directions = [table.direction for table in file.magnets if not isinstance(table, SolenoidTable)]
+    is_pair = directions == [CLOSES_GAP, OPENS_GAP] and file.control.kind == "tracking"
+    if magnet.is_coupled and not (is_pair and file.body.free == ["x"] and file.scan.direction == OPENS_GAP):
+        text = f"needs a stage that moves along {OPENS_GAP} between two magnets; choose another kind"
+        yield FileFault(file.key_path(magnet, "kind"), text, code="not-for-this-kind")
+
+
+def _current_faults(
+    file: RigFile, path: KeyPath, table: tables.AmplifierTable, magnet: MagnetTable | None
+) -> Iterator[FileFault]:
+    if magnet is None and file.control.kind == "force":
+        yield from _presence_fault(file, path, ". . . .", "current_low_A" in table.model_fields_set, "")
+    elif magnet is not None and magnet.is_biased:
+        low = -magnet.poles.magnet_mmf / magnet.poles.turns
+        if table.current_low_A < low:
+            text = f"reverses the flux of the permanent magnet; raise it to {low:.3g} A or more"
+            yield FileFault(path, text, code="out-of-range")
 
 
 def _pair_faults(file: RigFile, first_magnet: MagnetTable | None) -> Iterator[FileFault]:
@@ -245,7 +262,7 @@ def _push_faults(file: RigFile, first_magnet: MagnetTable) -> Iterator[FileFault
 def read_rig_file(path: PathLike, kind: str) -> RigFile:
     """Read and check the rig file of a kind, which is the value of its key ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
-    faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file), *_bias_faults(file)]
+    faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file), *_circuit_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:

@@ -158,6 +158,11 @@ class MagnetTable(Table):
         return self.kind == "permanent-magnet"
 
     @property
+    def is_coupled(self) -> bool:
+        """Whether the magnet and its copy share a path of their yoke."""
+        return self.kind == "coupled-electromagnet"
+
+    @property
     def has_iron_from_loops(self) -> bool:
         """Whether omitted keys are fitted to the loops."""
         return self.iron == FROM_LOOPS

@@ -56,6 +56,8 @@ class Poles:
     spring: float = 0.0
     # magnetomotive force of a permanent magnet in series with the iron, A; `joints` has its reluctance
     magnet_mmf: float = 0.0
+    # reluctance of the yoke path that the fluxes of both magnets of a pair share, 1/H; in `joints` too
+    shared: float = 0.0
 
     def flux_density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density in the gap, T, for which the plant computes a pull of `gain`, N."""
@@ -134,11 +136,23 @@ _PERMANENT_MAGNET_NUMBERS = {
     "magnet_area_m2": "cross-section of the permanent magnet",
 }
 
+
+def _add_shared_path(poles: Poles, numbers: Mapping[str, float]) -> Poles:
+    """Return the circuit of a magnet whose yoke has a path for the fluxes of two coils."""
+    shared = numbers["shared_reluctance_per_H"]
+    return replace(poles, joints=poles.joints + MU_0 * poles.area * shared, shared=shared)
+
+
 ACTUATORS: Registry[ActuatorKind] = Registry(
     "anhyst.actuators",
     {
         "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles),
         "permanent-magnet": ActuatorKind("force", _PERMANENT_MAGNET_NUMBERS, _add_permanent_magnet),
+        "coupled-electromagnet": ActuatorKind(
+            "force",
+            {"shared_reluctance_per_H": "reluctance of the yoke path that both fluxes share"},
+            _add_shared_path,
+        ),
     },
     lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is not an ActuatorKind",
 )
