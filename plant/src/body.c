@@ -303,7 +303,10 @@ void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state,
   }
   sum_magnet_forces(body, state);
   anhyst_plant_sensor_start(&magnet_state->current_sensing, current);
-  anhyst_plant_sensor_start(&magnet_state->flux_sensing, magnet_state->coil.density);
+  if (actuator->has_probe <= ANHYST_PLANT_HALL) {
+    anhyst_plant_sensor_start(&magnet_state->flux_sensing, magnet_state->coil.density);
+  }
+  magnet_state->psi_start = magnet_state->coil.psi;
   anhyst_plant_sensor_start(&state->force_sensing, state->force);
 }
 
@@ -351,10 +354,31 @@ static inline void step_magnet(const anhyst_plant_actuator *actuator,
     source.gain = state->failure == ANHYST_PLANT_OPEN ? open_gain : 0.0;
   }
   anhyst_plant_coil_step(&actuator->magnet, &state->coil, &source, state->gap, seconds);
+  if (actuator->has_probe == ANHYST_PLANT_WINDING) {
+    state->area += 0.5 * seconds * actuator->magnet.resistance * (current + state->coil.current);
+  }
   anhyst_plant_sensor_follow(&actuator->current_sensor, &state->current_sensing, current,
                              state->coil.current);
-  anhyst_plant_sensor_follow(&actuator->flux_probe, &state->flux_sensing, density,
-                             state->coil.density);
+  if (actuator->has_probe <= ANHYST_PLANT_HALL) {
+    anhyst_plant_sensor_follow(&actuator->flux_probe, &state->flux_sensing, density,
+                               state->coil.density);
+  }
+}
+
+/* Measures the mean voltage of the coil that senses the flux. Its sensor has no low-pass. */
+static void measure_voltage(const anhyst_plant_actuator *actuator,
+                            anhyst_plant_actuator_state *state, double seconds)
+{
+  if (actuator->has_probe > ANHYST_PLANT_HALL) {
+    const double induced = state->coil.psi - state->psi_start;
+    const double area = actuator->has_probe == ANHYST_PLANT_WINDING
+                            ? induced + state->area
+                            : actuator->sense_turns * induced;
+    const double mean = area / seconds;
+    anhyst_plant_sensor_follow(&actuator->flux_probe, &state->flux_sensing, mean, mean);
+  }
+  state->psi_start = state->coil.psi;
+  state->area = 0.0;
 }
 
 /* Forces along the free coordinates without the damping forces, and damping coefficients. */
@@ -532,5 +556,8 @@ void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *sta
     run_substeps(body, state, 1, load_command);
   } else {
     run_substeps(body, state, body->coordinates, load_command);
+  }
+  for (j = 0; j < body->magnets; j++) {
+    measure_voltage(&body->actuator[j], &state->actuator[j], body->tick);
   }
 }

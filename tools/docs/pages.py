@@ -16,6 +16,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "measurements",
         "file-formats",
         "identification",
+        "flux",
         "rate",
         "choosing",
         "python",

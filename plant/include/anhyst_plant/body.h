@@ -58,6 +58,15 @@ typedef struct {
   double step; /* step of the digital-analogue converter, A or V */
 } anhyst_plant_amplifier;
 
+/* Sensor of the flux. HALL: the flux density in the gap. SENSE_COIL and WINDING: the mean voltage
+   of a sense coil around the iron, or of the winding itself, during the last tick. */
+typedef enum {
+  ANHYST_PLANT_NO_PROBE,
+  ANHYST_PLANT_HALL,
+  ANHYST_PLANT_SENSE_COIL,
+  ANHYST_PLANT_WINDING
+} anhyst_plant_probe;
+
 /* A magnet with its line, amplifier and sensors. It pulls the body in the direction of its line. */
 typedef struct {
   anhyst_plant_magnet magnet;
@@ -66,7 +75,8 @@ typedef struct {
   anhyst_plant_amplifier amplifier;
   anhyst_plant_sensor current_sensor;
   anhyst_plant_sensor flux_probe;
-  int has_probe; /* 0: without a probe, the flux density reads as NAN */
+  int has_probe;      /* a value of anhyst_plant_probe; without a probe, the reading is NAN */
+  double sense_turns; /* turns of the sense coil divided by those of the winding */
 } anhyst_plant_actuator;
 
 /* Mounting of a head. FRAME: on the frame. BODY: on the body; it measures to a long target next to
@@ -134,7 +144,7 @@ typedef struct {
 typedef struct {
   double *head;    /* readings of the position heads, m */
   double *current; /* current readings of the magnets, A */
-  double *density; /* flux density readings of the magnets, T */
+  double *density; /* flux density readings of the magnets, T, or voltages of their coils, V */
   double force;    /* N */
 } anhyst_plant_readings;
 
@@ -145,6 +155,8 @@ typedef enum { ANHYST_PLANT_WORKS, ANHYST_PLANT_OPEN, ANHYST_PLANT_SHORT } anhys
 typedef struct {
   anhyst_plant_coil coil;
   double gap;                          /* true gap, m */
+  double area;                         /* integral of the winding's voltage over this tick, V s */
+  double psi_start;                    /* flux linkage at the start of this tick, Wb */
   double output;                       /* output of the digital-analogue converter, A or V */
   anhyst_plant_failure failure;        /* failure of the amplifier; the caller sets it */
   double line[ANHYST_PLANT_MAX_DELAY]; /* converter outputs that are not yet effective */

@@ -39,9 +39,8 @@ class DrawnMagnet:
         )
         beyond = np.maximum(share - 1.0, 0.0)
         field_strength += self.saturation * beyond / (2.0 * MU_0) * (1.0 - np.exp(-((beyond / 0.05) ** 2)))
-        return (
-            np.sign(flux) * (field_strength * self.length + np.abs(flux) / self._permeance(gap)) / self.turns
-        )
+        drive = field_strength * self.length + np.abs(flux) / self._permeance(gap)
+        return np.asarray(np.sign(flux) * drive / self.turns)
 
     def _permeance(self, gap: float) -> float:
         return float(MU_0 * self.area / (2.0 * gap) * (1.0 + self.fringing * gap) + self.leakage)
@@ -62,7 +61,7 @@ class DrawnMagnet:
     def force_of_flux(self, flux: FloatArray, gap: float) -> FloatArray:
         """Return the attraction at a flux, N: from the energy of the gap."""
         drop = flux / self._permeance(gap)
-        return 0.5 * drop * drop * MU_0 * self.area / (2.0 * gap * gap)
+        return np.asarray(0.5 * drop * drop * MU_0 * self.area / (2.0 * gap * gap))
 
     def force(self, current: FloatArray, gap: float) -> FloatArray:
         """Return the attraction, N."""

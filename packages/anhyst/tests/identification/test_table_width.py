@@ -96,7 +96,7 @@ def loops_of(*loops: Loop) -> Loops:
 
 
 def test_table_gives_a_model_without_hysteresis() -> None:
-    """The model follows the table, its branches coincide, and it says that it has no hysteresis."""
+    """The model follows the table, its branches coincide, and its file states the missing hysteresis."""
     case = draw_case(3)
     result = identify(loops_of(*case.table))
     model, fit = result.model, result.model.fit
@@ -112,7 +112,7 @@ def test_table_gives_a_model_without_hysteresis() -> None:
 
 
 def test_measured_loop_adds_width_and_scale() -> None:
-    """With one loop, the errors at all gaps are less than a third of those of the table alone."""
+    """With a loop, the mean error at all gaps is less than a third of the error of the table alone."""
     case = draw_case(3)
     with_loop = identify(loops_of(*case.table, case.measured))
     alone = identify(loops_of(*case.table)).model

@@ -137,7 +137,7 @@ def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
 
     The gain error of the position sensor is zero at the operating gap, where the offset is defined.
     """
-    sensor, shunt, hall = file.gap_sensor, file.current_sensor, file.hall_probe
+    sensor, shunt, probe = file.gap_sensor, file.current_sensor, file.flux_sensor
     gain_offset = drift.position_gain * file.gap_m
     changes = {
         "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
@@ -149,8 +149,9 @@ def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
     if (solid := file.magnet.solid_iron) is not None:
         conductivity = solid.conductivity * (1.0 + drift.conductivity)
         changes["magnet.solid.conductivity_S_per_m"] = conductivity
-    if hall is not None:
-        changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
+    if probe is not None:
+        name = "coil_sensor" if file.hall_probe is None else "hall_probe"
+        changes[f"{name}.gain_error"] = probe.gain_error + drift.flux_gain
     return changes
 
 

@@ -153,6 +153,11 @@ class RigFile(Table):
         return any(sensor.stands for sensor in self.position_sensors)
 
     @property
+    def flux_sensor(self) -> sensor_table.FluxSensorTable | sensor_table.VoltageSensorTable | None:
+        """Sensor of the methods that measure the flux: Hall probe, or voltage of a coil."""
+        return self.hall_probe or self.coil_sensor
+
+    @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file
         """Force of each magnet of a pair if the net force is zero, N."""
         return getattr(self.control, "bias_N", None)

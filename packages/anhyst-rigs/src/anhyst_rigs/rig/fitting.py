@@ -25,6 +25,7 @@ from anhyst_rigs.rig.distance import PlantCheck, make_path_follower, simulate_lo
 from anhyst_rigs.rig.drift import Drift, drifted_law, map_parameter
 from anhyst_rigs.rig.from_loops import check_plant_against_loops
 from anhyst_rigs.rig.measurement_table import identify_loops, squared_misclosures
+from anhyst_rigs.rig.sensor_table import FluxSensorTable
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,13 @@ def fit_compensators(
     magnets: Sequence[IdentifiedMagnet],
     variant: MethodName,
     number_format: NumberFormat,
+    commits_readings: bool = False,
 ) -> list[ForceController]:
-    """Fit the compensator of a variant to each magnet at an operating point."""
-    probe = calibrate_probe(rig) if variant in FLUX_PROBE_METHODS else None
+    """Fit the compensator of a variant to each magnet at an operating point.
+
+    `commits_readings` is whether the controller commits the measured currents of a tick.
+    """
+    probe = calibrate_probe(rig, commits_readings) if variant in FLUX_PROBE_METHODS else None
     fitted_compensators = []
     for magnet in magnets:
         sources = Sources(operating_point, magnet.loops, magnet.model, probe)
@@ -143,32 +148,43 @@ def calibrate_magnet(
     return IdentifiedMagnet(replace(measured_loops, loops=tuple(loops)), model, width_change)
 
 
-def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
+def calibrate_probe(rig: BodyRig, commits_readings: bool = False) -> FluxCalibration | None:
     """Measure flux density against force at several gaps, as a user would with a weight.
+
+    With a coil, this is the flux linkage.
 
     The series follows the first ascending branch of demagnetised iron. Both force and flux density
     depend only on the gap flux, so the direction does not matter.
     """
-    hall_probe = rig.settings.hall_probe
-    if hall_probe is None:
+    file, probe = rig.settings, rig.settings.flux_sensor
+    if probe is None:
         return None
+    coil = file.coil_sensor
+    share = 1.0 if coil is None or coil.turns is None else coil.turns / file.magnet.poles.turns
     max_current = rig.settings.measurement.current_max_A
     current = np.linspace(-rig.settings.magnet.is_bidirectional * max_current, max_current, 60)
     gaps = np.asarray(rig.settings.measurement.gaps_m)
     forces, densities = [], []
     for gap in gaps:
-        force, _, density = rig.static_map(current, np.full(current.size, gap))
+        force, linkage, density = rig.static_map(current, np.full(current.size, gap))
         forces.append(force)
-        densities.append((1.0 + hall_probe.gain_error) * density)
+        densities.append((1.0 + probe.gain_error) * (density if coil is None else share * linkage))
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
-    corner_frequencies = (amplifier.bandwidth_Hz, hall_probe.bandwidth_Hz)
+    delay = timing.delay_ticks * rig.dt + amplifier.delay_s
+    corner_frequencies = [amplifier.bandwidth_Hz]
+    if isinstance(probe, FluxSensorTable):
+        corner_frequencies.append(probe.bandwidth_Hz)
+    current_delay = delay + 1.0 / (2.0 * math.pi * amplifier.bandwidth_Hz)
+    used_delay = 0.5 * rig.dt if commits_readings else current_delay
+    resistance = file.magnet.poles.resistance
     return FluxCalibration(
         gap=np.repeat(gaps, current.size),
         force=np.concatenate(forces),
         flux_density=np.concatenate(densities),
-        delay=timing.delay_ticks * rig.dt + amplifier.delay_s,
+        delay=delay,
         lag=sum(1.0 / (2.0 * math.pi * corner_frequency) for corner_frequency in corner_frequencies)
         + rig.settings.magnet.eddy_time_s,
+        coil=None if coil is None else coil.for_controller(resistance, used_delay),
     )
 
 

@@ -128,6 +128,12 @@ def _count_faults(file: RigFile) -> Iterator[FileFault]:
                 f"{rig_title} does not use {title}" if not max_count else f"{rig_title} has only one of them"
             )
             yield FileFault(table_paths[int(max_count)], f"{text}; remove it", code="not-for-this-kind")
+    if file.hall_probe is not None and file.coil_sensor is not None:
+        text = 'the flux has one sensor: of = "flux" or of = "voltage"; remove the other'
+        yield FileFault(file.key_path(file.coil_sensor, "of"), text, code="both-given")
+    if file.coil_sensor is not None and getattr(file.control, "calibrate", False):
+        text = "online calibration needs a Hall probe for flux and fused; remove it"
+        yield FileFault(("control", "calibrate"), text, code="no-hall-probe")
     if _count_limits(file, _TABLE_RULES[SolenoidTable][0])[1] and len(file.magnets) != 1:
         text = "needs one magnet: with winding and poles, or a solenoid; correct it"
         yield FileFault(("magnet",), text, code="one-of-two")

@@ -12,6 +12,7 @@ import numpy as np
 from anhyst._core import Magnet, Plant
 from anhyst.support.numeric import first_order_share
 from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.file import RigFile
 
 STOP_RESONANCE_HZ = 1600.0
 """Resonance of the body's mass on an end stop, Hz; the damping ratio in contact is 0.5."""
@@ -63,6 +64,7 @@ class PlantParameters:
 def plant_parameters(rig: BodyRig) -> PlantParameters:
     """Return the parameters of a plant; its heads are the gap sensors, then the position sensors."""
     file, sensors, lines = rig.settings, _sensor_parameters(rig), rig.lines_of_action
+    sense_turns = (file.coil_sensor and file.coil_sensor.turns) or 0.0
     actuators = [
         {
             "line": line,
@@ -70,7 +72,8 @@ def plant_parameters(rig: BodyRig) -> PlantParameters:
             "amplifier": _amplifier_parameters(rig),
             "current_sensor": sensors["current"],
             "flux_probe": sensors["hall"],
-            "has_probe": int(file.hall_probe is not None),
+            "has_probe": probe_kind(file),
+            "sense_turns": sense_turns / file.magnet.poles.turns,
         }
         for line, gap in lines.magnets
     ]
@@ -90,6 +93,13 @@ def plant_parameters(rig: BodyRig) -> PlantParameters:
     ]
     body = _body_parameters(rig, sensors["force"])
     return PlantParameters(body, actuators, gap_heads + position_heads, _load_parameters(rig))
+
+
+def probe_kind(file: RigFile) -> int:
+    """Return the sensor of the flux, a value of ``anhyst_plant_probe``."""
+    if (coil := file.coil_sensor) is not None:
+        return 3 if coil.turns is None else 2
+    return int(file.hall_probe is not None)
 
 
 def _coordinate_parameters(rig: BodyRig) -> list[dict[str, float]]:
@@ -190,7 +200,7 @@ def _sensor_parameters(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     sensors: dict[str, Mapping[str, float]] = {
         name: table.plant_parameters(rig.substep) for name, table in tables.items()
     }
-    probe = file.hall_probe
+    probe = file.flux_sensor
     return sensors | {
         "hall": _ideal_sensor((0.0, 0.0), 0.0) if probe is None else probe.plant_parameters(rig.substep)
     }

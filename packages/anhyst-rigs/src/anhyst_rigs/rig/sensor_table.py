@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, Tag, model_validator
 
 from anhyst._core import Sensor
+from anhyst.compensate.coil_flux import CoilSensor
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, first_order_share
 from anhyst.support.toml_file import (
@@ -146,7 +147,7 @@ class FluxSensorTable(DigitisedSensorTable):
 
 
 class VoltageSensorTable(DigitisedSensorTable):
-    """``of = "voltage"``: a voltmeter at the coil or at a sense coil."""
+    """``of = "voltage"``: mean voltage of the winding or a sense coil in each sample, from which flux follows."""
 
     of: Literal["voltage"]
     range_V: Positive
@@ -155,13 +156,20 @@ class VoltageSensorTable(DigitisedSensorTable):
     offset_V: Number = 0.0
     gain_error: GainError = 0.0
     turns: Positive | None = None  # turns of a sense coil; None: the winding itself
+    # relative error of the winding's resistance in the controller
+    resistance_error: GainError = 0.0
 
     def plant_parameters(self, seconds: float) -> dict[str, float]:
-        """Return the fields of ``anhyst_plant_sensor``; the mean of a sample needs no low-pass."""
+        """Return the fields of ``anhyst_plant_sensor``; the mean of a tick needs no low-pass."""
         step = 2.0 * self.range_V / ((1 << self.adc_bits) - 1)
         limits = {"low": -self.range_V, "high": self.range_V, "step": step}
         errors = {"gain": 1.0 + self.gain_error, "offset": self.offset_V, "noise": self.noise_V}
         return limits | errors | {"share": 1.0, "delay": 0}
+
+    def for_controller(self, resistance: float, current_delay: float) -> CoilSensor:
+        """Return the sensor of the estimator, for the winding's resistance, ohm."""
+        known_resistance = 0.0 if self.turns is not None else (1.0 + self.resistance_error) * resistance
+        return CoilSensor(self.range_V, known_resistance, current_delay)
 
 
 class PositionSensorTable(Table):

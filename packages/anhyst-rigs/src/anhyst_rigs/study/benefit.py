@@ -239,7 +239,7 @@ def _map_iron(
         label=slopes.label,
     )
     steps: dict[MethodName, list[list[StepResult]]] = {}
-    has_probe = rig.settings.hall_probe is not None
+    has_probe = rig.settings.flux_sensor is not None
     baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if has_probe else BASELINES
     for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
@@ -274,7 +274,7 @@ def _make_step_cell(
         )
         for name, pairs in runs.items()
     }
-    has_probe = rig.settings.hall_probe is not None
+    has_probe = rig.settings.flux_sensor is not None
     return make_map_cell(iron, height, values, standstill, has_probe, [metric.key for metric in STEP_METRICS])
 
 
@@ -437,7 +437,7 @@ def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple
     """Measure the loops of a stage with another iron; return the loops and the plants."""
     changed_stage = change_iron(rig, fraction, scale)
     knowledge = identify_stage_magnet(changed_stage, measure_loops(changed_stage))
-    probe_methods: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
+    probe_methods: tuple[MethodName, ...] = ("flux",) if rig.settings.flux_sensor is not None else ()
     names: tuple[MethodName, ...] = (*BASELINES, "full", *probe_methods)
     return knowledge.loops, stage_plants(changed_stage, knowledge, names, errors={"none": ()}, jobs=1)
 

@@ -273,6 +273,9 @@ class _RealForceController:
         self, wanted: _Array, loop: _Array, most: float, force_low: float, force_high: float,
         gap_low: float, gap_high: float, low: float, high: float,
     ) -> None: ...  # fmt: skip
+    def sense(self, settings: _Array) -> None:
+        """Estimate the flux from a coil's voltage, the `flux` of solve: ``anhyst_coil_flux_settings``."""
+    def estimate(self) -> list[float]: ...  # law, flux; offset and resistance per tick
     def solve(self, demand: float, gap: float, flux: float) -> float:
         """Return the current for a force; `flux` is the measured flux density, T, or NaN."""
     def commit(self, applied: float, gap: float) -> float:
@@ -310,6 +313,8 @@ class FixedForceController:
     def flux(entries: _Words, wanted: _Words, loop: _Words, low: int, high: int) -> FixedForceController:
         """Create one with a flux loop; a row of `loop` is mantissa and shift of a factor."""
     def fuse(self, wanted: _Words, loop: _Words, most: int, low: int, high: int) -> None: ...
+    def sense(self, settings: NDArray[np.int32]) -> None: ...
+    def estimate(self) -> list[float]: ...
     def solve(self, demand: int, gap: int, flux: int) -> int:
         """Return the current for a force; `flux`: measured flux density, or -2^31 for none."""
     def commit(self, applied: int, gap: int) -> int:

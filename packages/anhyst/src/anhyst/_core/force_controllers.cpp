@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The force controller of a magnet in Python, in each number format.
 // It runs the same C functions as a real controller.
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
@@ -32,6 +33,8 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
                   "low"_a, "high"_a)
       .def("fuse", &Bound::fuse, "wanted"_a.noconvert(), "loop"_a.noconvert(), "most"_a,
            "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
+      .def("sense", &Bound::sense, "settings"_a.noconvert())
+      .def("estimate", &Bound::estimate)
       .def("solve", &Bound::solve, "demand"_a, "gap"_a, "flux"_a)
       .def("commit", &Bound::commit, "applied"_a, "gap"_a)
       .def("follow", &Bound::follow, "applied"_a.noconvert(), "gap"_a.noconvert())
@@ -105,6 +108,23 @@ void FixedForceController::fuse(const Entries &wanted, const Factors &loop, int3
   check_controller(anhyst_force_controller_fuse_q31(&state_, &loop_, low, high));
 }
 
+void FixedForceController::sense(const Codes &settings)
+{
+  same_length(9, settings.shape(0), "settings");
+  const auto *s = settings.data();
+  const anhyst_coil_flux_settings_q31 given = {s[0], s[1], s[2], s[3], s[4],
+                                               s[5], s[6], s[7], s[8]};
+  behind_ = state_;
+  check_controller(anhyst_force_controller_init_coil_q31(&state_, &coil_, &given, &behind_));
+}
+
+std::array<double, 4> FixedForceController::estimate() const
+{
+  const auto part = [](int64_t sum) { return static_cast<double>(sum) / ANHYST_WIDE_ONE; };
+  const double law = coil_.law / 2147483648.0;
+  return {law, law + part(coil_.deviation), part(coil_.offset), part(coil_.resistance)};
+}
+
 void bind_force_controllers(nb::module_ &m)
 {
   bind_real<ForceControllerF64>(m, "ForceController");
@@ -118,6 +138,8 @@ void bind_force_controllers(nb::module_ &m)
                   "wanted"_a.noconvert(), "loop"_a.noconvert(), "low"_a, "high"_a)
       .def("fuse", &FixedForceController::fuse, "wanted"_a.noconvert(), "loop"_a.noconvert(),
            "most"_a, "low"_a, "high"_a)
+      .def("sense", &FixedForceController::sense, "settings"_a.noconvert())
+      .def("estimate", &FixedForceController::estimate)
       .def("solve", &FixedForceController::solve, "demand"_a, "gap"_a, "flux"_a)
       .def("commit", &FixedForceController::commit, "applied"_a, "gap"_a)
       .def("follow", &FixedForceController::follow, "applied"_a.noconvert(), "gap"_a.noconvert())

@@ -2,6 +2,7 @@
 // Force controllers, together with the tables they point to; one class for each number format.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,6 +10,9 @@
 #include "anhyst/compensator/force_by_play.h"
 #include "anhyst/compensator/force_by_play_real.h"
 #include "anhyst/compensator/force_corrected_real.h"
+#include "anhyst/control/coil_flux.h"
+#include "anhyst/control/coil_flux_real.h"
+#include "anhyst/numeric/wide.h"
 #include "arrays.h"
 #include "formats.h"
 
@@ -20,6 +24,9 @@
     using Loop = anhyst_flux_loop_##f;                                                             \
     using Play = anhyst_play_map_##f;                                                              \
     using State = anhyst_force_controller_##f;                                                     \
+    using Coil = anhyst_coil_flux_##f;                                                             \
+    using CoilSettings = anhyst_coil_flux_settings_##f;                                            \
+    static constexpr auto init_coil = anhyst_force_controller_init_coil_##f;                       \
     static constexpr auto init_map = anhyst_force_controller_init_map_##f;                         \
     static constexpr auto init_compensator = anhyst_force_controller_init_compensator_##f;         \
     static constexpr auto init_flux = anhyst_force_controller_init_flux_##f;                       \
@@ -99,6 +106,22 @@ public:
     check_controller(F::fuse(&state_, &loop_, real(low), real(high)));
   }
 
+  // Estimates the flux from the voltage of a coil, in front of the method of this controller.
+  void sense(const In &settings)
+  {
+    same_length(12, settings.shape(0), "settings");
+    const auto at = [&](size_t i) { return real(settings(i)); };
+    const typename F::CoilSettings given = {at(0), at(1), at(2), at(3), at(4),  at(5),
+                                            at(6), at(7), at(8), at(9), at(10), at(11)};
+    behind_ = state_;
+    check_controller(F::init_coil(&state_, &coil_, &given, &behind_));
+  }
+  // Flux of the law and estimated flux, Wb; offset, Wb per tick; resistance, Wb per tick and A.
+  std::array<double, 4> estimate() const
+  {
+    return {coil_.law, coil_.law + coil_.deviation, coil_.offset, coil_.resistance};
+  }
+
   Real solve(double demand, double gap, double density)
   {
     return F::solve(&state_, real(demand), real(gap), real(density));
@@ -159,6 +182,8 @@ private:
   }
 
   typename F::State state_{};
+  typename F::State behind_{}; // with a coil: the method behind the estimator
+  typename F::Coil coil_{};
   typename F::Map current_{};
   typename F::Loop loop_{};
   typename F::Play play_{};
@@ -171,6 +196,7 @@ public:
   using Made = std::unique_ptr<FixedForceController>;
   using Entries = nb::ndarray<const int16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
   using Factors = nb::ndarray<const int16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+  using Codes = nb::ndarray<const int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
   FixedForceController(const FixedForceController &) = delete;
   FixedForceController &operator=(const FixedForceController &) = delete;
@@ -183,6 +209,11 @@ public:
 
   // Corrects a compensator by the measured flux.
   void fuse(const Entries &wanted, const Factors &loop, int32_t most, int32_t low, int32_t high);
+
+  // Estimates the flux from the voltage of a coil, in front of the method of this controller.
+  void sense(const Codes &settings);
+  // Flux of the law, estimated flux, offset and resistance, as fractions of full scale.
+  std::array<double, 4> estimate() const;
 
   int32_t solve(int32_t demand, int32_t gap, int32_t density)
   {
@@ -221,6 +252,8 @@ private:
   void take_loop(const Entries &wanted, const Factors &loop, int32_t most);
 
   anhyst_force_controller_q31 state_{};
+  anhyst_force_controller_q31 behind_{}; // with a coil: the method behind the estimator
+  anhyst_coil_flux_q31 coil_{};
   anhyst_map_q31 current_{};
   anhyst_flux_loop_q31 loop_{};
   anhyst_play_map_q31 play_{};

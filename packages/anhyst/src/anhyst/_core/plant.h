@@ -296,11 +296,12 @@ private:
   void read_actuator(const nb::dict &numbers, const Magnet &magnet)
   {
     Settings given(numbers);
-    actuators_.push_back(
-        {magnet.get(), to_line(given.take<nb::dict>("line")), given.take<double>("gap_zero"),
-         to_amplifier(given.take<nb::dict>("amplifier")),
-         to_sensor(given.take<nb::dict>("current_sensor")),
-         to_sensor(given.take<nb::dict>("flux_probe")), given.take<int>("has_probe")});
+    actuators_.push_back({magnet.get(), to_line(given.take<nb::dict>("line")),
+                          given.take<double>("gap_zero"),
+                          to_amplifier(given.take<nb::dict>("amplifier")),
+                          to_sensor(given.take<nb::dict>("current_sensor")),
+                          to_sensor(given.take<nb::dict>("flux_probe")),
+                          given.take<int>("has_probe"), given.take<double>("sense_turns")});
     given.finish();
   }
   void read_load(const nb::dict &numbers)

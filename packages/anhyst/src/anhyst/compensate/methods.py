@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from anhyst import _core
 from anhyst.compensate.block import Block
+from anhyst.compensate.coil_flux import MAP_DEVIATION_SHARE, MAX_DEVIATION_SHARE, CoilFlux
 from anhyst.compensate.current_map import (
     CurrentMap,
     fit_linearised_map,
@@ -134,6 +135,7 @@ class FluxGains:
     # fraction of a step of the demanded flux density that is expected in the next tick
     smoothing: float
     crossover: float  # crossover frequency, rad/s
+    flux_per_current: float  # at the operating force, mean of the gaps, T/A
 
     @property
     def as_array(self) -> FloatArray:
@@ -165,9 +167,19 @@ def design_flux_loop(
         proportional=integral * calibration.lag,
         integral=integral * tick,
         anti_windup=min(1.0, crossover * tick),
-        smoothing=first_order_share(tick / (calibration.delay + calibration.lag)),
+        smoothing=_expected_share(calibration, tick),
         crossover=crossover,
+        flux_per_current=float(flux_per_current.mean()),
     )
+
+
+def _expected_share(calibration: FluxCalibration, tick: float) -> float:
+    """Return the fraction of a step of the flux density that is expected in the next tick.
+
+    The flux of a coil refers to the end of its tick, so that its mean delay is known exactly.
+    """
+    ticks = (calibration.delay + calibration.lag) / tick
+    return first_order_share(1.0 / ticks) if calibration.coil is None else 1.0 / max(1.0, ticks)
 
 
 MAX_ADDED_CURRENT_SHARE = 0.05
@@ -186,11 +198,27 @@ class FluxLoop:
     scales: Scales  # full scales of the method
     gains: FluxGains
     rate: float  # sample rate, Hz
+    coil: CoilFlux | None = None  # estimator of the flux; None: Hall probe
 
     @cached_property
     def full_scale(self) -> float:
         """Flux density that 1.0 represents in fixed point, T."""
         return round_full_scale(float(self.flux_table.max()))
+
+    @property
+    def signal_full_scale(self) -> float:
+        """Flux density, T, or voltage of the coil, V, that 1.0 represents in fixed point."""
+        return self.full_scale if self.coil is None else self.coil.full_scale
+
+    def with_coil(self, native: Native) -> Native:
+        """Return a force controller with the estimator of this loop, if it has one."""
+        if self.coil is not None:
+            current = self.scales.current
+            if isinstance(native, _core.FixedForceController):
+                native.sense(self.coil.codes(self.full_scale, current))
+            else:
+                native.sense(self.coil.settings(self.full_scale, current))
+        return native
 
     @property
     def constants(self) -> dict[str, float]:
@@ -214,17 +242,24 @@ class FluxLoop:
         return flux_words, np.array(rows, dtype=np.int16)
 
 
-def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:
-    """Design the flux loop for a method with given scales."""
+def _make_flux_loop(
+    sources: Sources, surface: Surface, scales: Scales, max_deviation: float = MAX_DEVIATION_SHARE
+) -> FluxLoop:
+    """Design the flux loop for a method with given scales.
+
+    `max_deviation` is the largest deviation of a flux that is estimated from a coil's voltage.
+    """
     operating, calibration = sources.operating, sources.flux_calibration
     if calibration is None:
         raise InputError("flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux")
+    sensor = calibration.coil
     density = calibration.density_at(surface.force, surface.gap)
     gains = design_flux_loop(calibration, surface, density, operating.force, operating.rate)
     force_range = np.array([-operating.is_bipolar * scales.demand, scales.demand])
     gap = np.linspace(scales.gap_low, scales.gap_high, surface.gap.size)
     flux_table = np.ascontiguousarray(calibration.density_at(force_range, gap))
-    return FluxLoop(flux_table, scales, gains, operating.rate)
+    coil = None if sensor is None else CoilFlux(sensor, operating.rate, gains.flux_per_current, max_deviation)
+    return FluxLoop(flux_table, scales, gains, operating.rate, coil)
 
 
 @dataclass(frozen=True)
@@ -241,8 +276,8 @@ class FluxFeedback:
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that 1.0 represents in fixed point, T."""
-        return self.loop.full_scale
+        """Flux density, T, or voltage, V, that 1.0 represents in fixed point."""
+        return self.loop.signal_full_scale
 
     @property
     def constants(self) -> dict[str, float]:
@@ -253,16 +288,17 @@ class FluxFeedback:
         """Return a new force controller of the core."""
         table, loop = self.map, self.loop
         if number_format == "fixed":
-            return _core.FixedForceController.flux(table.entry_words(), *loop.words(), *table.limit_codes())
+            codes = table.entry_words(), *loop.words(), *table.limit_codes()
+            return loop.with_coil(_core.FixedForceController.flux(*codes))
         tables = table.entries, loop.flux_table, loop.gains.as_array
-        return REAL_CONTROLLERS[number_format].flux(*tables, *table.real_arguments())
+        return loop.with_coil(REAL_CONTROLLERS[number_format].flux(*tables, *table.real_arguments()))
 
 
 def fit_flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
     """Design the flux loop for the best single-valued map."""
     surface = sources.surface()
     table = make_current_map(surface.current, sources.operating, {})
-    return FluxFeedback(table, _make_flux_loop(sources, surface, table.scales))
+    return FluxFeedback(table, _make_flux_loop(sources, surface, table.scales, MAP_DEVIATION_SHARE))
 
 
 @dataclass(frozen=True)
@@ -286,8 +322,8 @@ class FusedInverse:
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that 1.0 represents in fixed point, T."""
-        return self.loop.full_scale
+        """Flux density, T, or voltage, V, that 1.0 represents in fixed point."""
+        return self.loop.signal_full_scale
 
     @property
     def constants(self) -> dict[str, float]:
@@ -305,7 +341,7 @@ class FusedInverse:
             native.fuse(
                 self.loop.flux_table, self.loop.gains.as_array, self.max_added_current, *ends, *self.limits
             )
-        return native
+        return self.loop.with_coil(native)
 
 
 def compile_fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from anhyst.compensate.coil_flux import CoilSensor
 from anhyst.compensate.plan import find_limits, round_full_scale
 from anhyst.data import History, Loop, Loops
 from anhyst.data.output_map import is_electromagnet
@@ -23,7 +24,10 @@ from anhyst.support.numeric import FloatArray
 
 @dataclass(frozen=True)
 class FluxCalibration:
-    """Static measurements with the Hall probe, and the dynamics of the current."""
+    """Static measurements with the Hall probe, and the dynamics of the current.
+
+    With a coil instead of a probe, the flux density is the flux linkage of the coil, Wb.
+    """
 
     gap: FloatArray  # gap in m, force in N, measured flux density in T; shape (n,)
     force: FloatArray
@@ -32,6 +36,7 @@ class FluxCalibration:
     # lag of the measured flux density after the reference of the current, s: amplifier, eddy
     # currents and probe together
     lag: float
+    coil: CoilSensor | None = None  # sensor of a coil's voltage; None: Hall probe
 
     def __post_init__(self) -> None:
         for name in ("gap", "force", "flux_density"):

@@ -329,7 +329,7 @@ class Loops(Result):
                 )
 
     def split_tables(self) -> tuple[Loops | None, Loops | None]:
-        """Return the single-valued loops without hysteresis, and the others; None instead of no loops."""
+        """Return the single-valued loops without hysteresis, and the other loops. None replaces an empty set."""
         is_table = [loop.history == ANHYSTERETIC for loop in self.loops]
         parts = [[loop for loop, flag in zip(self.loops, is_table, strict=True) if flag is kind]
                  for kind in (True, False)]  # fmt: skip

@@ -1,7 +1,7 @@
 """Read simulated tables of flux linkage and force over current and position.
 
-Programs for field simulation write one value for each pair of current and position: the table has
-no time and no history. It is recognised from the units of its columns and from currents that recur
+Programs for field simulation write a value for each pair of current and position, without a time
+and without a history. Such a table is recognised from the units of its columns and from currents that recur
 exactly at several positions, with one value each. Every position becomes a loop with ascending
 current and the history `ANHYSTERETIC`. A position that is not a gap becomes a gap: flux, or else the
 attraction, falls as the gap opens.
@@ -40,12 +40,15 @@ _MAX_REPEAT_DIFFERENCE = 1e-6
 """Maximum difference of repeated points, as a fraction of the range; branches of loops differ more."""
 _MAX_CONTRADICTION_SHARE = 0.1
 """Maximum share of repeated points that differ, above which the table contains loops."""
+_MIN_BRANCH_SHARE = 0.1
+_MIN_RUN_POINTS = 3
+"""Minimum share of steps in each direction, and minimum mean points of a run, for branches of a loop."""
 _MIN_COMPONENT_SHARE = 0.01
 """Minimum size of a component of the force, as a fraction of the largest one."""
 _MAX_OPPOSITE_SHARE = 0.05
 """Maximum force of the other sign, as a fraction of the largest force, that is an error of the mesh."""
 _MIN_TREND_SHARE = 0.9
-"""Minimum share of steps over the position in which the output changes in the same direction."""
+"""Minimum share of steps over the position that change the output in the same direction."""
 _STATED_POSITION = re.compile(
     r"(?P<name>[^\W\d]\w*)\s*(?:[\[(](?P<inner>\w+)[\])])?\s*[=:]\s*(?P<number>[+-]?\d[\d.,eE+-]*)\s*"
     r"[\[(]?(?P<unit>[^\W\d]*)"
@@ -67,10 +70,10 @@ class _Points:
 def read_simulated_table(
     table: OpenTable, headers: Sequence[Header], description: FileDescription, label: str
 ) -> SourceLoops | None:
-    """Return the loops of a simulated table; None for other tables.
+    """Return the loops of a simulated table, or None for other tables.
 
     If the table contains flux linkage and force, the result has the loops of the flux linkage, and
-    those of the force as its alternative.
+    its alternative has the loops of the force.
     """
     is_described = bool(
         description.histories or description.select or description.schedule not in (None, "gap")
@@ -105,7 +108,7 @@ def _dimension(header: Header) -> str:
 
 
 def _find_columns(headers: Sequence[Header]) -> dict[str, list[int]]:
-    """Return the columns of each dimension; mapped columns exclude the others of their dimension."""
+    """Return the columns of each dimension. Mapped columns exclude other columns of their dimension."""
     columns: dict[str, list[int]] = {}
     for dimension in ("current", "length", *_OUTPUTS):
         found = [n for n, header in enumerate(headers) if _dimension(header) == dimension]
@@ -122,7 +125,7 @@ def _choose_columns(
     values: Mapping[int, FloatArray],
     breaks: Breaks,
 ) -> _Points | None:
-    """Return the points from the columns that vary; None if a column is missing or not clear."""
+    """Return the points from the columns that vary, or None if a column is missing or not clear."""
     counts = {n: np.unique(column[np.isfinite(column)]).size for n, column in values.items()}
     varying = {name: [n for n in found if counts[n] > 1] for name, found in columns.items()}
     sizes = {n: float(np.nanmax(np.abs(values[n]))) for n in varying["force"]}
@@ -150,7 +153,7 @@ def _choose_columns(
 
 
 def _positions_of_blocks(breaks: Breaks, rows: int) -> tuple[FloatArray, Header] | None:
-    """Return the position that a line above each block of rows states, m; None without them."""
+    """Return the position that a line above each block of rows states, m, or None without such lines."""
     found: list[tuple[Header, float]] = []
     for _, texts in breaks:
         for match in _STATED_POSITION.finditer(" ".join(texts)):
@@ -176,9 +179,21 @@ def _sorted_rows(points: _Points, name: str) -> tuple[NDArray[np.intp], NDArray[
     return order[np.concatenate(([True], ~is_repeat))], order[1:][differs]
 
 
+def _runs_up_and_down(current: FloatArray) -> bool:
+    """Whether currents in the order of the file form the branches of a loop; shuffled ones do not."""
+    steps = np.sign(np.diff(current[np.sort(np.unique(current, return_index=True)[1])]))
+    run_count = 1 + np.count_nonzero(np.diff(steps))
+    falling_share = float(np.mean(steps < 0.0)) if steps.size else 0.0
+    is_two_way = min(falling_share, 1.0 - falling_share) > _MIN_BRANCH_SHARE
+    return is_two_way and bool(current.size >= _MIN_RUN_POINTS * run_count)
+
+
 def _is_grid(source: str, points: _Points) -> bool:
     """Whether each output has one value for each pair, and the same currents recur at several positions."""
-    positions = np.unique(points.position).size
+    paths = [points.current[points.position == position] for position in np.unique(points.position)]
+    positions = len(paths)
+    if 2 * sum(map(_runs_up_and_down, paths)) > positions:
+        return False
     for name in points.outputs:
         rows, different = _sorted_rows(points, name)
         counts = Counter(points.current[rows].tolist())
@@ -218,7 +233,7 @@ def _orient_force(source: str, points: _Points) -> _Points:
 
 
 def _convert_to_gap(source: str, points: _Points) -> _Points:
-    """Convert the position to a gap, with a note on its direction; refuse what is not clear."""
+    """Convert the position to a gap, with a note on its direction. Refuse unclear directions."""
     output_name = next(iter(points.outputs))
     name, output_text = points.position_header.text, output_name.replace("_", " ")
     low, high = float(points.position.min()), float(points.position.max())
@@ -230,8 +245,11 @@ def _convert_to_gap(source: str, points: _Points) -> _Points:
     if is_gap or not (opens or closes):
         fault = "grows" if closes else "both grows and falls"
         remedy = f'map a stroke: --columns "{name}=x_mm"' if is_gap else "write the gap to a column 'gap_mm'"
-        text = f"{source}: the {output_text} {fault} with '{name}', so it is not a gap; {remedy}"
-        raise InputError(text, code="direction-unclear", key=name)
+        raise InputError(
+            f"{source}: the {output_text} {fault} with '{name}', so it is not a gap; {remedy}",
+            code="direction-unclear",
+            key=name,
+        )
     if closes:
         position = high - points.position
         note = f"'{name}' closes the gap, because the {output_text} grows with it: gap = {1e3 * high:.6g} mm - {name}"
@@ -243,7 +261,7 @@ def _convert_to_gap(source: str, points: _Points) -> _Points:
 
 
 def _share_of_rising_steps(points: _Points, name: str) -> float:
-    """Return the share of steps between positions, at equal current, in which the output rises."""
+    """Return the share of steps between positions, at equal current, that raise the output."""
     sign = np.sign(points.current) if name == "flux_linkage" else 1.0
     output = np.asarray(points.outputs[name] * sign)
     order = np.lexsort((points.position, points.current))

@@ -103,13 +103,6 @@ class CircuitFit:
         """Rms deviation, relative to the largest flux linkage."""
         return rms(self.deviations)
 
-    @property
-    def zeros(self) -> FloatArray:
-        """Remanent flux linkage that each record has lost, Wb; shape (records,)."""
-        first_rows = np.unique(self.records.record, return_index=True)[1]
-        slopes = self.records.zero_slope[first_rows]
-        return np.asarray(self.records.scales[1] * slopes * (self.parameters[-1] if slopes.any() else 0.0))
-
     def in_si(self, circuit: FluxMap) -> FluxMap:
         """Return a normalised circuit in SI units."""
         current, flux, gap = self.records.scales
@@ -147,7 +140,7 @@ def fit_circuit(
 ) -> CircuitFit:
     """Fit a flux circuit from several starts, by default three, and return the best fit."""
     problem = _Problem(records, knowledge or Knowledge())
-    low, high = _bounds(problem.size)
+    low, high = _bounds()
     best: OptimizeResult | None = None
     for start in starts or problem.starts():
         found = least_squares(
@@ -175,9 +168,9 @@ class YokeBasis:
     triangular: FloatArray
 
     @classmethod
-    def of(cls, records: FluxRecords, flux: FloatArray) -> Self:
-        """Return the basis for given flux linkages of the samples."""
-        weight = records.weight[:, None]
+    def of(cls, records: FluxRecords) -> Self:
+        """Return the basis for the flux linkages of the samples."""
+        flux, weight = records.flux, records.weight[:, None]
         drift = (records.record[:, None] == np.unique(records.record)) * records.elapsed[:, None]
         free = np.hstack([weight, drift])
         hysteresis = np.hstack([records.stops, records.stops * flux[:, None] ** 2])
@@ -204,9 +197,7 @@ class _Problem:
 
     def __init__(self, records: FluxRecords, knowledge: Knowledge) -> None:
         self.records, self.knowledge = records, knowledge
-        self.has_unknown_zero = bool(records.zero_slope.any())
-        self.size = 5 + ARMATURE_KNOTS.size + self.has_unknown_zero
-        self.fixed_basis = None if self.has_unknown_zero else YokeBasis.of(records, records.flux)
+        self.basis = YokeBasis.of(records)
 
     def starts(self) -> list[FloatArray]:
         """Return the parameters from which the search starts."""
@@ -214,7 +205,7 @@ class _Problem:
         starts = []
         for leakage, fringe_per_mm in _STARTS:
             fringe = fringe_per_mm * gap_mm
-            start = np.full(self.size, _START_SATURATION)
+            start = np.full(5 + ARMATURE_KNOTS.size, _START_SATURATION)
             start[:5] = (
                 -np.log(0.5 * (1.0 + fringe)),
                 np.log(fringe),
@@ -241,20 +232,15 @@ class _Problem:
     def deviations(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the deviations as flux linkages, and the free and the other coefficients of the yoke."""
         records, circuit = self.records, _make_circuit(parameters)
-        flux = records.flux
-        if self.has_unknown_zero:
-            flux = flux + records.zero_slope * parameters[-1]
-        gap_flux = circuit.gap_flux(flux, records.gap)
+        gap_flux = circuit.gap_flux(records.flux, records.gap)
         drop = circuit.armature(gap_flux)[0] + circuit.reluctance(records.gap)[0] * gap_flux
-        return (self.fixed_basis or YokeBasis.of(records, flux)).fit(
-            (records.current - drop) * records.weight
-        )
+        return self.basis.fit((records.current - drop) * records.weight)
 
     def _priors(self, parameters: FloatArray) -> FloatArray:
         gap_scale = self.records.scales[2]
         gap_mm = 1e3 * gap_scale
         _, log_fringe, gap_zero, leakage, slope = parameters[:5]
-        saturation = parameters[5 : 5 + ARMATURE_KNOTS.size]
+        saturation = parameters[5:]
         fringe_mean, fringe_sigma = _LOG_FRINGE
         slope_mean, slope_sigma = _LEAKAGE_SLOPE
         return np.array(
@@ -268,12 +254,12 @@ class _Problem:
         )
 
 
-def _bounds(size: int) -> tuple[FloatArray, FloatArray]:
+def _bounds() -> tuple[FloatArray, FloatArray]:
     """Return the smallest and the largest parameters."""
     count = ARMATURE_KNOTS.size
-    low = [-6.0, -6.0, -_LARGEST_SHIFT, 0.0, -2.0, *[0.0] * count, 0.0]
-    high = [6.0, 3.0, _LARGEST_SHIFT, 1.5, 3.0, *[200.0] * count, 0.1]
-    return np.array(low[:size]), np.array(high[:size])
+    low = [-6.0, -6.0, -_LARGEST_SHIFT, 0.0, -2.0, *[0.0] * count]
+    high = [6.0, 3.0, _LARGEST_SHIFT, 1.5, 3.0, *[200.0] * count]
+    return np.array(low), np.array(high)
 
 
 def _make_circuit(parameters: FloatArray) -> FluxMap:
@@ -288,7 +274,7 @@ def _make_circuit(parameters: FloatArray) -> FluxMap:
         leakage_slope=leakage * slope,
         leakage_gap=1.0,
         armature_knots=tuple(ARMATURE_KNOTS.tolist()),
-        armature_weights=tuple(parameters[5 : 5 + ARMATURE_KNOTS.size].tolist()),
+        armature_weights=tuple(parameters[5:].tolist()),
         largest_flux=1.0,
     )
 

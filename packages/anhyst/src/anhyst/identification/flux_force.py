@@ -26,7 +26,7 @@ from anhyst.identification.flux_circuit import (
     PoleArea,
     fit_circuit,
 )
-from anhyst.identification.flux_records import prepare_records
+from anhyst.identification.flux_records import FluxRecords, prepare_records
 from anhyst.model.flux_map import FluxMap, elapsed_fraction
 from anhyst.model.schema import FitFigures
 from anhyst.support.atomic import PathLike
@@ -51,13 +51,21 @@ _AREA_SIGMA = 0.05
 
 _NEGLIGIBLE_DRIFT = 5e-4
 
-_LARGE_DEVIATION = 3e-3
-"""Rms deviation of the fit, relative to the largest flux linkage, above which a warning is given."""
+_LARGE_DEVIATION, _LARGEST_DEVIATION = 3e-3, 1e-2
+"""Rms deviations of the fit, relative to the largest flux linkage, above which a warning is given and
+the force is refused."""
+
+_LARGEST_REMANENCE, _REMANENCE_LEVELS = 1.2, 7
+"""Largest current that the unknown remanence of a record corresponds to, relative to half the width of
+the widest loop, and number of tried remanences."""
+
+_EQUAL_COST = 1.1
+"""Ratio of the costs of two fits that explain the loops about equally well."""
 
 _REPEATED_FITS = 12
 _LEVELS = 12
 _MEAN_FACTOR = 2.5
-_WORST_FACTOR = 1.5
+_WORST_FACTOR = 2.0
 _DEVIATION_FACTOR = 1.4
 """Ratios of the stated uncertainty to the scatter of repeated fits and to the deviations of the model.
 With these factors, the stated uncertainty covers about nine of ten virtual magnets."""
@@ -121,18 +129,30 @@ def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> Deri
     first_fit = fit_circuit(prepare_records(loops))
     drifts = first_fit.drifts * first_fit.records.scales[1]
     records = prepare_records(_remove_drift(loops, drifts))
-    fit, knowledge = fit_circuit(records), Knowledge()
+    fits = _fit_zeros(records)
+    fit, knowledge = fits[0], Knowledge()
+    if fit.flux_rms > _LARGEST_DEVIATION:
+        raise InputError(
+            f"the flux linkage over the gap is not that of a yoke with one working gap and leakage: the best such "
+            f"circuit deviates by {100.0 * fit.flux_rms:.2g} % rms; measure the force, or identify with "
+            "--output flux_linkage",
+            code="circuit-does-not-fit",
+            key="output",
+        )
     if calibration.readings or calibration.pole is not None:
         readings = _check_readings(calibration.readings, fit)
         knowledge = Knowledge(tuple(readings), _normalise_pole(calibration.pole, fit))
-        fit = fit_circuit(records, knowledge, (fit.parameters,))
+        fit = fit_circuit(fit.records, knowledge, (fit.parameters,))
     drifts = drifts + fit.drifts * records.scales[1]
-    mean, worst = estimate_uncertainty(fit, knowledge, np.random.default_rng(seed))
+    first_rows = np.unique(records.record, return_index=True)[1]
+    zeros = records.scales[1] * (fit.records.flux - records.flux)[first_rows]
+    scatter = estimate_scatter(fit, knowledge, np.random.default_rng(seed))
+    mean, worst = np.hypot(scatter, _doubt_of_zero(fits)).tolist()
     flux = replace(
         fit.in_si(fit.circuit),
         mean_uncertainty=mean,
         worst_uncertainty=worst,
-        zeros=tuple(fit.zeros.tolist()),
+        zeros=tuple(zeros.tolist()),
         drifts=tuple(drifts.tolist()),
         assumptions=_assumptions(fit, calibration, float(np.abs(drifts).max()) / records.scales[1]),
     )
@@ -142,6 +162,24 @@ def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> Deri
     moved_loops = () if has_table else flux.force_loops(_move_between_gaps(corrected, flux)).loops
     fitted_loops = force_loops.with_loops([*force_loops.loops, *moved_loops])
     return DerivedForce(force_loops, fitted_loops, flux, _warnings(fit))
+
+
+def _fit_zeros(records: FluxRecords) -> list[CircuitFit]:
+    """Return the fits for the remanent fluxes that are about equally likely, the best first."""
+    fit = fit_circuit(records)
+    if not records.zero_slope.any():
+        return [fit]
+    currents = records.half_width * np.linspace(0.0, _LARGEST_REMANENCE, _REMANENCE_LEVELS)[1:]
+    fits = [fit, *(fit_circuit(records.with_zero(current), None, (fit.parameters,)) for current in currents)]
+    fits.sort(key=lambda entry: entry.cost)
+    return [entry for entry in fits if entry.cost <= _EQUAL_COST * fits[0].cost]
+
+
+def _doubt_of_zero(fits: Sequence[CircuitFit]) -> tuple[float, float]:
+    """Return the mean and the largest difference of the force between fits, relative to the largest force."""
+    forces = [entry.circuit.force(entry.records.flux, entry.records.gap) for entry in fits]
+    differences = np.abs(np.array(forces) - forces[0]) / forces[0].max()
+    return float(differences.mean(axis=1).max()), float(differences.max())
 
 
 def _move_between_gaps(loops: Loops, flux: FluxMap) -> Loops:
@@ -229,19 +267,18 @@ def _forces(circuit: FluxMap, fit: CircuitFit) -> FloatArray:
     return np.array(rows)
 
 
-def estimate_uncertainty(
-    fit: CircuitFit, knowledge: Knowledge, rng: np.random.Generator
-) -> tuple[float, float]:
+def estimate_scatter(fit: CircuitFit, knowledge: Knowledge, rng: np.random.Generator) -> tuple[float, float]:
     """Return the scatter of the force, mean and worst, relative to the largest force.
 
-    The fit is repeated with deviations whose signs are drawn for each ramp, and with drawn means of
-    the priors.
+    The fit is repeated with deviations whose signs are drawn, in turn for each ramp and for each
+    record, and with drawn means of the priors.
     """
     records, reference = fit.records, _forces(fit.circuit, fit)
     ramps = np.cumsum(np.diff(np.sign(np.diff(records.current, append=0.0)), prepend=0.0) != 0.0)
     errors = []
-    for _ in range(_REPEATED_FITS):
-        signs = rng.choice([-1.0, 1.0], ramps.max() + 1)[ramps] - 1.0
+    for repeat in range(_REPEATED_FITS):
+        block = (ramps, records.record)[repeat % 2]
+        signs = rng.choice([-1.0, 1.0], block.max() + 1)[block] - 1.0
         current = records.current + signs * fit.deviations / records.weight
         drawn_knowledge = replace(
             knowledge,

@@ -8,6 +8,7 @@ linkages by the largest flux linkage, and gaps by the geometric mean of the oute
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -15,8 +16,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.flux_linkage import has_known_zero
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.path import ANHYSTERETIC, find_turning_points, is_bipolar
+from anhyst.data.path import ANHYSTERETIC, find_turning_points
+from anhyst.data.surface import current_envelope
 from anhyst.model.flux_map import elapsed_fraction
 from anhyst.support.numeric import FloatArray
 
@@ -32,6 +35,7 @@ STOP_THRESHOLDS = np.array([0.004, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6])
 """Thresholds of the stop operators, relative to the largest flux linkage."""
 
 _SLOPE_BINS = 16
+_WIDTH_LEVELS = 13
 _MIN_SLOPE = 0.02
 """Smallest weight of a sample, as slope of flux linkage over current in normalised units."""
 
@@ -58,6 +62,7 @@ class FluxRecords:
     # slope of flux linkage over current at rest, in loops whose zero of the flux is unknown; else 0
     zero_slope: FloatArray
     elapsed: FloatArray  # fraction of the record's duration
+    half_width: float  # of the widest loop at the smallest gap, relative to the largest current
 
     def without_gap(self, gap: float) -> FluxRecords:
         """Return the records without those at one normalised gap."""
@@ -67,6 +72,13 @@ class FluxRecords:
             for name in ("current", "flux", "gap", "weight", "stops", "record", "zero_slope", "elapsed")
         }
         return replace(self, **arrays)
+
+    def with_zero(self, current: float) -> FluxRecords:
+        """Return the records with the remanence that a current would produce in a record at rest.
+
+        It is added to the records whose zero is unknown.
+        """
+        return replace(self, flux=self.flux + current * self.zero_slope)
 
     @cached_property
     def gaps(self) -> FloatArray:
@@ -104,7 +116,15 @@ def prepare_records(loops: Loops) -> FluxRecords:
         np.concatenate, zip(*columns, strict=True)
     )
     scales = current_scale, flux_scale, gap_scale
-    return FluxRecords(current, flux, gap, weight, stops, record, scales, zero_slope, elapsed)
+    half_width = _loop_half_width(loops.at(gaps[0]).loops) / current_scale
+    return FluxRecords(current, flux, gap, weight, stops, record, scales, zero_slope, elapsed, half_width)
+
+
+def _loop_half_width(loops: Sequence[Loop]) -> float:
+    """Return half the largest distance of two currents at a flux linkage, in the middle of loops, A."""
+    largest = max(float(loop.output.max()) for loop in loops)
+    low, high = current_envelope(loops, largest * np.linspace(0.2, 0.8, _WIDTH_LEVELS))
+    return 0.5 * float(np.nanmax(high - low))
 
 
 def starts_at_unknown_flux(loop: Loop) -> bool:
@@ -113,7 +133,7 @@ def starts_at_unknown_flux(loop: Loop) -> bool:
     Without demagnetisation and with one sign of the current, iron keeps a remanent flux. A record
     that returns to no flux at rest has lost it.
     """
-    if loop.history.kind in {"demagnetised", "anhysteretic"} or is_bipolar(loop.input):
+    if loop.history == ANHYSTERETIC or has_known_zero(loop):
         return False
     size = np.abs(loop.input)
     if size.min() > _MAX_REST_CURRENT * size.max():

@@ -246,7 +246,12 @@ def _derive_wanted_force(
         raise InputError(reason, code="force-not-derived", key="output")
     if reason:
         return None, (f"no force: {reason}",) if is_flux else ()
-    derived = derive_force(loops, calibration or ForceCalibration(), seed)
+    try:
+        derived = derive_force(loops, calibration or ForceCalibration(), seed)
+    except InputError as error:
+        if is_required or error.code != "circuit-does-not-fit":
+            raise
+        return None, (f"no force: {error}",)
     return derived, derived.warnings
 
 

@@ -1,8 +1,8 @@
 """Add the hysteresis of measured loops to the model of a simulated table.
 
 The table determines the anhysteretic curve and everything that depends on the gap. In a law of play
-cells, the magnetisation of the same curves can be spread over cells of any thresholds without a
-change of the anhysteretic curve. Therefore, the loops determine only this spread, an error of the
+cells, the magnetisation can be moved to cells with other thresholds without a change of the
+anhysteretic curve. Therefore, the loops determine only this spread, an error of the
 gap's zero and a factor of the output.
 """
 
@@ -76,7 +76,7 @@ def add_measured_width(
 
 @dataclass(frozen=True)
 class _WidthFit:
-    """The least-squares problem of the spread over the cells, the gap's zero and the factor."""
+    """Least-squares problem for the spread over the cells, the zero of the gap and the factor."""
 
     model: Model
     loops: Loops

@@ -40,7 +40,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         text = f"{limits.force_high_N:g} N cannot lift the load of {rig.path}, {rig.static_load:g} N"
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
-    if variant in FLUX_PROBE_METHODS and plant.hall_probe is None:
+    if variant in FLUX_PROBE_METHODS and plant.flux_sensor is None:
         text = f'"{variant}" needs a [[sensor]] of = "flux" in {rig.path}; add it'
         yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
     yield from _amplifier_faults(settings, rig)

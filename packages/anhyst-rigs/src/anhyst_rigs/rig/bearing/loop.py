@@ -87,7 +87,8 @@ def fit_bearing_compensators(
 ) -> list[ForceController]:
     """Fit the compensator of a variant to each magnet."""
     point = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
-    return fit_compensators(rig, point, magnets, variant, number_format)
+    commits_readings = controller.compensation.applied == "measured"
+    return fit_compensators(rig, point, magnets, variant, number_format, commits_readings)
 
 
 def calibrated_magnets(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> list[IdentifiedMagnet]:

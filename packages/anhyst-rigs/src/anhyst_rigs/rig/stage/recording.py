@@ -46,6 +46,7 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
     head_readings = np.column_stack([run[column_name("gap_read", "m", number)] for number in head_numbers])
     poses_read = pose_at_body(file, head_readings @ np.linalg.pinv(head_rows(file)).T, reference)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
+    voltages = magnet_columns([("flux_read", "T")], 1, magnet_count) if file.coil_sensor is not None else []
     return {
         "t_s": run["t_s"],
         "reference_m": reference @ scan_axis,
@@ -58,6 +59,7 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
         **{name: errors[:, axis_index] for axis_index, name in enumerate(error_columns(axes))},
         **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, magnet_count)},
         **{name: run[name] for name in magnet_columns(signals, 1, magnet_count)},
+        **{name.replace("flux_read", "coil_read").replace("_T", "_V"): run[name] for name in voltages},
         **dict(zip(pose_columns(axes), poses_read.T, strict=True)),
         **{name: run[wrench_name] for name, wrench_name in zip(demand_columns(axes), wrench, strict=True)},
     }

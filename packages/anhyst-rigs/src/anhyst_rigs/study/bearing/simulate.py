@@ -341,7 +341,7 @@ def compared_variants(rig: BodyRig, main_variant: MethodName) -> tuple[MethodNam
     methods = [
         name
         for name in COMPARED_VARIANTS
-        if name not in FLUX_PROBE_METHODS or rig.settings.hall_probe is not None
+        if name not in FLUX_PROBE_METHODS or rig.settings.flux_sensor is not None
     ]
     return tuple(dict.fromkeys([*methods, main_variant]))
 

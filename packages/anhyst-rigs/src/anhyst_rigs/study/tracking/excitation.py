@@ -209,7 +209,7 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     rejection = _find_rejection(estimator.law, run, training_run)
-    if rejection is not None and rig.settings.hall_probe is None:
+    if rejection is not None and rig.settings.flux_sensor is None:
         raise NegativeResult(f"{rig.path}: {rejection}", code="move-rejected")
     return CalibratingMove(legs, run, information(run), information(training_run), rejection)
 

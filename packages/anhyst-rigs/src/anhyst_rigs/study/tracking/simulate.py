@@ -400,7 +400,7 @@ def make_variants(
     left_out: dict[MethodName, str] = {}
     laminated_methods: tuple[MethodName, ...] = ("at-rest",) if magnet.model.has_layers else ()
     for name in names or (*COMPARED_METHODS, *laminated_methods):
-        if name in FLUX_PROBE_METHODS and rig.settings.hall_probe is None:
+        if name in FLUX_PROBE_METHODS and rig.settings.flux_sensor is None:
             left_out[name] = "the rig has no Hall probe"
             continue
         try:

@@ -223,7 +223,7 @@ class StageSubject(TuningSubject):
         return [
             name
             for name in COMPARED_METHODS
-            if name not in FLUX_PROBE_METHODS or self.rig.settings.hall_probe is not None
+            if name not in FLUX_PROBE_METHODS or self.rig.settings.flux_sensor is not None
         ]
 
     def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:

@@ -1,7 +1,7 @@
 """Read matrices of flux linkage or force over current and position in text files.
 
-A matrix has the values of one axis in its first column and those of the other axis in its first
-row. Several matrices, such as one of flux linkage and one of force, may follow each other. They
+The first column of a matrix contains the values of an axis, and the first row contains the values of
+the other axis. Several matrices, such as one of flux linkage and one of force, may follow each other. They
 become a table in long form, with one row for each point.
 """
 
@@ -22,12 +22,15 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
 _MAX_BYTES = 1 << 26
-"""Maximum size of a file in which a matrix is searched; simulated tables are small."""
+"""Maximum size of a file with a matrix, because simulated tables are small."""
 _HEAD_BYTES = 1 << 14
-"""Number of bytes in which the first matrix must begin."""
+"""Number of bytes within which the first matrix must begin."""
 _DELIMITERS = (";", "\t", ",", None)
 _MIN_FIELDS = 3
 """Minimum number of fields of the first row: a corner and two columns."""
+_MAX_NAME_LENGTH = 120
+_MAX_TITLES = 5
+"""Maximum length of names, and number of lines above a matrix that can name its values."""
 _AXIS_CELL = re.compile(
     r"(?P<name>.*?)(?P<number>[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*"
     r"(?P<unit>[^\W\d_]*)(?P<tail>\D*)"
@@ -39,7 +42,7 @@ _SIGNS_AROUND_NAMES = " \t_@=,;:-\"'#%"
 
 
 def open_matrices(path: Path) -> MemoryTable | None:
-    """Return the matrices of a text file in long form; None for other files."""
+    """Return the matrices of a text file in long form, or None for other files."""
     if not path.is_file() or path.stat().st_size > _MAX_BYTES:
         return None
     with path.open("rb") as file:
@@ -47,7 +50,9 @@ def open_matrices(path: Path) -> MemoryTable | None:
     if not is_text(head) or next(_find_matrices(path, _decode_lines(head)), None) is None:
         return None
     matrices = [matrix for matrix in _find_matrices(path, _decode_lines(path.read_bytes())) if matrix.rows]
-    return _unfold(path, matrices) if matrices else None
+    steps = [np.diff([row[0] for row in matrix.rows]) for matrix in matrices]
+    are_sorted = all((step > 0.0).all() or (step < 0.0).all() for step in steps)  # loops are not
+    return _unfold(path, matrices) if matrices and are_sorted else None
 
 
 def _decode_lines(content: bytes) -> list[str]:
@@ -80,8 +85,10 @@ def _find_matrices(path: Path, lines: Sequence[str]) -> Iterator[_Matrix]:
             (matrix, delimiter), titles = first_row, []
         elif matrix is not None and len(fields) > 1 and (is_number(fields[0]) or len(fields) == width):
             if len(fields) > width or not all(map(is_number_or_mark, filter(None, fields))):
-                message = f"{path}: line {number}: is not a row of {width} numbers of the matrix; correct it"
-                raise InputError(message, code="fields-missing")
+                raise InputError(
+                    f"{path}: line {number}: is not a row of {width} numbers of the matrix; correct it",
+                    code="fields-missing",
+                )
             cells = [*fields, *[""] * (width - len(fields))]
             matrix.rows.append([parse_number(cell) if is_number(cell) else math.nan for cell in cells])
         elif text.strip():
@@ -91,8 +98,8 @@ def _find_matrices(path: Path, lines: Sequence[str]) -> Iterator[_Matrix]:
 
 
 def _read_first_row(fields: list[str], titles: Sequence[str]) -> _Matrix | None:
-    """Return the matrix that begins with a row, without its rows; None for other rows."""
-    if len(fields) < _MIN_FIELDS or is_number(fields[0]):
+    """Return the matrix that begins with a row, without its rows, or None for other rows."""
+    if len(fields) < _MIN_FIELDS or is_number(fields[0]) or max(map(len, fields)) > _MAX_NAME_LENGTH:
         return None
     cells = [match for match in map(_AXIS_CELL.fullmatch, fields[1:]) if match is not None]
     marks = {(cell["name"], cell["unit"], cell["tail"]) for cell in cells}
@@ -108,7 +115,9 @@ def _read_first_row(fields: list[str], titles: Sequence[str]) -> _Matrix | None:
     if find_unit(unit):
         axes = [*axes[:1], (axis_name or "position", unit)]
     dimensions = [_dimension(*axis) for axis in axes]
-    value_names = (text.strip(_SIGNS_AROUND_NAMES) for text in (value_name, tail, *reversed(titles)))
+    value_names = (
+        text.strip(_SIGNS_AROUND_NAMES) for text in (value_name, tail, *titles[: -1 - _MAX_TITLES : -1])
+    )
     value = next((text for text in value_names if _dimension(text) in {"flux_linkage", "force"}), None)
     is_matrix = sorted(dimensions) == ["current", "length"] and value is not None
     return _Matrix((*axes, (value or "", "")), columns) if is_matrix else None
@@ -116,7 +125,7 @@ def _read_first_row(fields: list[str], titles: Sequence[str]) -> _Matrix | None:
 
 def _dimension(name: str, unit: str = "") -> str:
     """Return the dimension of a header, empty without a unit."""
-    header = parse_header(name, unit or None) if name else None
+    header = parse_header(name, unit or None) if 0 < len(name) <= _MAX_NAME_LENGTH else None
     return header.unit.dimension if header and header.unit else ""
 
 

@@ -1,6 +1,6 @@
 """Convert text files with several tables, or without times, to one table: LabVIEW and aixACCT.
 
-The columns of Elmer's scalars, whose names are in a second file, are found here too.
+The columns of Elmer's scalars, whose names are in a second file, are also found here.
 
 The file is rewritten in memory as one table with the same line numbers, so that messages name the
 correct line. Lines that are not data become blank. Each row gets its time and the label of its
