@@ -5,7 +5,8 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -67,10 +68,8 @@ class Anhysteretic:
     """The magnet of `STEEL` without hysteresis."""
 
     def __init__(self, poles: Poles) -> None:
-        class Steel(PreisachSteel):
-            make_steel = PreisachSteel.make_anhysteretic_steel
-
-        self.magnet = make_iron_magnet(poles, Steel(**STEEL.model_dump()))
+        steel = SimpleNamespace(make_steel=STEEL.make_anhysteretic_steel)
+        self.magnet = make_iron_magnet(poles, cast(PreisachSteel, steel))
 
     def run(self, current: FloatArray, gap: float) -> FloatArray:
         return Coil(self.magnet).run(current, np.full(current.size, gap))
@@ -109,7 +108,7 @@ def test_a_permanent_magnet_acts_as_a_constant_current(poles: Poles, seed: int) 
         Coil(make_iron_magnet(replace(magnet, magnet_mmf=0.0), STEEL)),
     )
     found, expected = coil.run(current, gap)[:, :2], other.run(current + offset, gap)[:, :2]
-    assert found == pytest.approx(expected, rel=1e-3, abs=1e-3 * float(np.abs(expected).min(axis=0).max()))
+    assert (np.abs(found - expected).max(axis=0) <= 1e-3 * np.abs(expected).max(axis=0)).all()
 
 
 def test_a_voltage_at_a_biased_magnet_conserves_energy_as_its_gap_moves() -> None:

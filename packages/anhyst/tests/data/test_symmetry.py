@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -107,7 +108,7 @@ def flux_loops(seed: int, bias: float, *, is_zeroed: bool) -> Loops:
     rng = np.random.default_rng(seed)
     ends = rng.uniform(0.5, 1.5)
     path = [0.0, ends, -ends, ends, -ends, 0.0]
-    drive = np.concatenate([np.linspace(a, b, 200) for a, b in zip(path, path[1:], strict=False)])
+    drive = np.concatenate([np.linspace(a, b, 200) for a, b in itertools.pairwise(path)])
     field = drive + bias
     output = np.tanh(field - play(field, rng.uniform(0.01, 0.1)) * rng.uniform(0.0, 0.5))
     if is_zeroed:

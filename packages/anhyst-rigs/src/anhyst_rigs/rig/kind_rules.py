@@ -220,8 +220,9 @@ def _circuit_faults(file: RigFile) -> Iterator[FileFault]:
         text = "loops do not separate it from its permanent magnet or shared path; name one of [[iron]]"
         yield FileFault(file.key_path(magnet, "iron"), text, code="not-for-this-kind")
     directions = [table.direction for table in file.magnets if not isinstance(table, SolenoidTable)]
-    is_pair = directions == [CLOSES_GAP, OPENS_GAP] and file.control.kind == "tracking"
-    if magnet.is_coupled and not (is_pair and file.body.free == ["x"] and file.scan.direction == OPENS_GAP):
+    is_stage = _count_limits(file, _TABLE_RULES[case_table.ScanCase][0])[0] > 0
+    is_one_axis = is_stage and file.body.free == ["x"] and file.scan.direction == OPENS_GAP
+    if magnet.is_coupled and not (is_one_axis and directions == [CLOSES_GAP, OPENS_GAP]):
         text = f"needs a stage that moves along {OPENS_GAP} between two magnets; choose another kind"
         yield FileFault(file.key_path(magnet, "kind"), text, code="not-for-this-kind")
 
@@ -229,9 +230,9 @@ def _circuit_faults(file: RigFile) -> Iterator[FileFault]:
 def _current_faults(
     file: RigFile, path: KeyPath, table: tables.AmplifierTable, magnet: MagnetTable | None
 ) -> Iterator[FileFault]:
-    if magnet is None and file.control.kind == "force":
-        yield from _presence_fault(file, path, ". . . .", "current_low_A" in table.model_fields_set, "")
-    elif magnet is not None and magnet.is_biased:
+    if magnet is None:
+        yield from _presence_fault(file, path, "? ? . .", "current_low_A" in table.model_fields_set, "")
+    elif magnet.is_biased:
         low = -magnet.poles.magnet_mmf / magnet.poles.turns
         if table.current_low_A < low:
             text = f"reverses the flux of the permanent magnet; raise it to {low:.3g} A or more"
