@@ -35,7 +35,6 @@ from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.lines import LINE_AGAINST_X, LINE_ALONG_X, Coordinate, LinesOfAction
 from anhyst_rigs.rig.magnet_table import LAW_KIND
 from anhyst_rigs.rig.measurement_table import MeasuredLoops
-from anhyst_rigs.rig.parts.coupling import CoupledForces, tabulate_coupling
 from anhyst_rigs.rig.parts.magnet import (
     FluxTable,
     check_flux_range,
@@ -197,17 +196,6 @@ class BodyRig:
         if table.kind == LAW_KIND:
             return self.make_law_magnet()
         return make_iron_magnet(table.poles, file.steel, table.eddy_time_s, file.gap_m, table.solid_iron)
-
-    @cached_property
-    def coupling(self) -> CoupledForces | None:
-        """Force map of both currents for two coils on one yoke; None for separate yokes."""
-        file, gap_sum = self.settings, self.settings.gap_total_m
-        if not file.magnet.is_coupled or gap_sum is None:
-            return None
-        currents = file.amplifier.current_low_A, file.amplifier.current_high_A
-        reach = max(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
-        gaps = 0.5 * gap_sum - 1.5 * reach, 0.5 * gap_sum + 1.5 * reach
-        return tabulate_coupling(file.magnet.poles, file.steel, currents, gaps, gap_sum)
 
     def make_law_magnet(self, law: Model | None = None) -> Magnet:
         """Return the magnet with the given law; the default is the identified law of the rig."""

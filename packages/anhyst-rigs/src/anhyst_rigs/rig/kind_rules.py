@@ -15,15 +15,9 @@ from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
 from anhyst.support.toml_text import KeyPath
 from anhyst_rigs.rig import case_table, sensor_table, tables
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.magnet_table import (
-    CLOSES_GAP,
-    FROM_LOOPS,
-    OPENS_GAP,
-    LikeTable,
-    MagnetTable,
-    SolenoidTable,
-)
+from anhyst_rigs.rig.magnet_table import FROM_LOOPS, OPENS_GAP, LikeTable, MagnetTable, SolenoidTable
 from anhyst_rigs.rig.measurement_table import identify_faults
+from anhyst_rigs.rig.parts.magnet import COUPLED, PERMANENT_MAGNET
 
 RIG_KINDS = ("levitation", "tracking", "force", "displacement")
 """Kinds of rigs, in the order of the columns of the grids below: values of ``control.kind``."""
@@ -205,38 +199,34 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
 def _circuit_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what does not suit a permanent magnet or two coils on one yoke."""
     magnets = [table for table in file.magnets if isinstance(table, MagnetTable)]
-    magnet = next((table for table in magnets if table.is_biased or table.is_coupled), None)
+    magnet = next((table for table in magnets if table.kind in (COUPLED, PERMANENT_MAGNET)), None)
+    is_complete = magnet is not None and not magnet.has_iron_from_loops
     for path, table in file.tables():
-        if isinstance(table, tables.AmplifierTable) and (magnet is None or not magnet.has_iron_from_loops):
-            yield from _current_faults(file, (*path, "current_low_A"), table, magnet)
-        if magnet is not None and isinstance(
-            table, sensor_table.FluxSensorTable | sensor_table.VoltageSensorTable
-        ):
+        if isinstance(table, tables.AmplifierTable) and magnet is None:
+            is_given = "current_low_A" in table.model_fields_set
+            yield from _presence_fault(file, (*path, "current_low_A"), "? ? . .", is_given, "")
+        elif isinstance(table, tables.AmplifierTable) and magnet is not None and is_complete:
+            low = -magnet.poles.magnet_mmf / magnet.poles.turns
+            if magnet.kind == PERMANENT_MAGNET and table.current_low_A < low:
+                text = f"reverses the flux of the permanent magnet; raise it to {low:.3g} A or more"
+                yield FileFault((*path, "current_low_A"), text, code="out-of-range")
+        elif magnet and isinstance(table, sensor_table.FluxSensorTable | sensor_table.VoltageSensorTable):
             text = f'is not available for a magnet of kind "{magnet.kind}"; remove it'
             yield FileFault(path, text, code="not-for-this-kind")
-    if magnet is None:
-        return
-    if magnet.has_iron_from_loops:
+    if magnet is not None and not is_complete:
         text = "loops do not separate it from its permanent magnet or shared path; name one of [[iron]]"
         yield FileFault(file.key_path(magnet, "iron"), text, code="not-for-this-kind")
-    directions = [table.direction for table in file.magnets if not isinstance(table, SolenoidTable)]
-    is_stage = _count_limits(file, _TABLE_RULES[case_table.ScanCase][0])[0] > 0
-    is_one_axis = is_stage and file.body.free == ["x"] and file.scan.direction == OPENS_GAP
-    if magnet.is_coupled and not (is_one_axis and directions == [CLOSES_GAP, OPENS_GAP]):
+    if magnet is not None and magnet.kind == COUPLED and not _is_one_axis_pair(file, magnet):
         text = f"needs a stage that moves along {OPENS_GAP} between two magnets; choose another kind"
         yield FileFault(file.key_path(magnet, "kind"), text, code="not-for-this-kind")
 
 
-def _current_faults(
-    file: RigFile, path: KeyPath, table: tables.AmplifierTable, magnet: MagnetTable | None
-) -> Iterator[FileFault]:
-    if magnet is None:
-        yield from _presence_fault(file, path, "? ? . .", "current_low_A" in table.model_fields_set, "")
-    elif magnet.is_biased:
-        low = -magnet.poles.magnet_mmf / magnet.poles.turns
-        if table.current_low_A < low:
-            text = f"reverses the flux of the permanent magnet; raise it to {low:.3g} A or more"
-            yield FileFault(path, text, code="out-of-range")
+def _is_one_axis_pair(file: RigFile, magnet: MagnetTable) -> bool:
+    if not _count_limits(file, _TABLE_RULES[case_table.ScanCase][0])[0]:
+        return False
+    copies = [table.direction for table in file.magnets if isinstance(table, LikeTable)]
+    is_pair = copies == [OPENS_GAP] and magnet.direction == [-part for part in OPENS_GAP]
+    return is_pair and file.body.free == ["x"] and file.scan.direction == OPENS_GAP
 
 
 def _pair_faults(file: RigFile, first_magnet: MagnetTable | None) -> Iterator[FileFault]:
@@ -269,7 +259,7 @@ def _push_faults(file: RigFile, first_magnet: MagnetTable) -> Iterator[FileFault
 def read_rig_file(path: PathLike, kind: str) -> RigFile:
     """Read and check the rig file of a kind, which is the value of its key ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
-    faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file), *_circuit_faults(file)]
+    faults = [*_count_faults(file), *_key_faults(file), *_circuit_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:

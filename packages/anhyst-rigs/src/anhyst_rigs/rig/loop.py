@@ -16,7 +16,7 @@ from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.parts.coupling import CoupledForces
-from anhyst_rigs.rig.plant import current_controllers, make_plant
+from anhyst_rigs.rig.plant import coupled_forces, current_controllers, make_plant
 from anhyst_rigs.rig.recording import Recording, column_name
 
 DROP_SAMPLE_BIT = 256
@@ -193,5 +193,5 @@ class SimulatedLoop(ClosedLoop):
             for magnet in range(len(rig.settings.body_magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     plant.hold(current, magnet)
-        parts = plant, setup.make_controller(), current_controllers(rig)
-        super().__init__(*parts, setup.recorded_columns, rig.coupling)
+        parts, coupling = (plant, setup.make_controller()), coupled_forces(rig)
+        super().__init__(*parts, current_controllers(rig), setup.recorded_columns, coupling)

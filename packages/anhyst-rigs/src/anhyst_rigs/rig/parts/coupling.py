@@ -49,24 +49,19 @@ def tabulate_coupling(
     largest = max(map(abs, currents))
     curve = np.linspace(0.0, (1.0 + poles.shared / poles.reluctance(gaps[0])) * largest, _CURVE_CURRENTS)
     magnet = Magnet(circuit_parameters(poles, 0.0, gaps[0]), steel.make_anhysteretic_steel())
-    own, other = np.meshgrid(
-        np.linspace(*currents, _CURRENTS), np.linspace(*currents, _CURRENTS), indexing="ij"
-    )
-
-    def responses(gap: float) -> FloatArray:
-        return Coil(magnet).run(curve, np.full(curve.size, gap))[:, :2].T
+    own, other = np.meshgrid(*2 * [np.linspace(*currents, _CURRENTS)], indexing="ij")
 
     def linkage(current: FloatArray, curve_psi: FloatArray) -> FloatArray:
         return np.sign(current) * np.interp(np.abs(current), curve, curve_psi)
 
     tables, per_linkage = [], poles.shared / poles.turns**2
     for gap in np.linspace(*gaps, _GAPS).tolist():
-        (own_force, own_psi), (_, other_psi) = responses(gap), responses(gap_sum - gap)
-        psi = np.zeros(own.shape)
+        coils = [Coil(magnet).run(curve, np.full(curve.size, at))[:, :2].T for at in (gap, gap_sum - gap)]
+        (own_force, own_psi), (_, other_psi) = coils
+        effective = own
         for _ in range(_ITERATIONS):
-            psi = linkage(own - per_linkage * linkage(other - per_linkage * psi, other_psi), own_psi)
-        effective = own - per_linkage * linkage(other - per_linkage * psi, other_psi)
-        tables.append(
-            np.interp(np.abs(effective), curve, own_force) - np.interp(np.abs(own), curve, own_force)
-        )
+            psi = linkage(other - per_linkage * linkage(effective, own_psi), other_psi)
+            effective = own - per_linkage * psi
+        forces = [np.interp(np.abs(current), curve, own_force) for current in (effective, own)]
+        tables.append(forces[0] - forces[1])
     return CoupledForces(*currents, *gaps, gap_sum, np.array(tables))

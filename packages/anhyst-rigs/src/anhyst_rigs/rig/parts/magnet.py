@@ -129,30 +129,28 @@ def _add_permanent_magnet(poles: Poles, numbers: Mapping[str, float]) -> Poles:
     return replace(poles, joints=joints, magnet_mmf=magnet_mmf)
 
 
-_PERMANENT_MAGNET_NUMBERS = {
-    "remanence_T": "remanence of the permanent magnet",
-    "coercivity_A_per_m": "coercivity HcB of the permanent magnet",
-    "magnet_length_m": "length of the permanent magnet along the flux",
-    "magnet_area_m2": "cross-section of the permanent magnet",
-}
-
-
 def _add_shared_path(poles: Poles, numbers: Mapping[str, float]) -> Poles:
     """Return the circuit of a magnet whose yoke has a path for the fluxes of two coils."""
     shared = numbers["shared_reluctance_per_H"]
     return replace(poles, joints=poles.joints + MU_0 * poles.area * shared, shared=shared)
 
 
+PERMANENT_MAGNET, COUPLED = "permanent-magnet", "coupled-electromagnet"
+"""Kinds of magnets with a permanent magnet in series, and of two coils on one yoke."""
+_MAGNET_NUMBERS = {
+    "remanence_T": "remanence of the permanent magnet",
+    "coercivity_A_per_m": "coercivity HcB of the permanent magnet",
+    "magnet_length_m": "length of the permanent magnet along the flux",
+    "magnet_area_m2": "cross-section of the permanent magnet",
+}
+_SHARED_NUMBERS = {"shared_reluctance_per_H": "reluctance of the yoke path that both fluxes share"}
+
 ACTUATORS: Registry[ActuatorKind] = Registry(
     "anhyst.actuators",
     {
         "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles),
-        "permanent-magnet": ActuatorKind("force", _PERMANENT_MAGNET_NUMBERS, _add_permanent_magnet),
-        "coupled-electromagnet": ActuatorKind(
-            "force",
-            {"shared_reluctance_per_H": "reluctance of the yoke path that both fluxes share"},
-            _add_shared_path,
-        ),
+        PERMANENT_MAGNET: ActuatorKind("force", _MAGNET_NUMBERS, _add_permanent_magnet),
+        COUPLED: ActuatorKind("force", _SHARED_NUMBERS, _add_shared_path),
     },
     lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is not an ActuatorKind",
 )

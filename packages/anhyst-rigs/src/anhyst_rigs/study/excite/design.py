@@ -25,6 +25,7 @@ from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.force.file import ForceControlRig
 from anhyst_rigs.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst_rigs.rig.measuring import FAST_CYCLES, SAMPLES_PER_FAST_CYCLE, HeldBearing, HeldRig, sweep_path
+from anhyst_rigs.rig.parts.magnet import PERMANENT_MAGNET
 from anhyst_rigs.rig.piezo import PiezoRig
 
 MAX_WARMTH = 0.95
@@ -180,13 +181,15 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         demanded_force_rate=_demanded_force_rate(settings),
         output=settings.magnet.output,
         is_bipolar=is_bipolar,
-        is_biased=settings.magnet.is_biased,
+        is_biased=settings.magnet.kind == PERMANENT_MAGNET,
     )
 
 
 def _weakens_magnet(file: RigFile) -> bool:
     """Whether a negative current weakens the flux of a permanent magnet."""
-    return file.solenoid is None and file.magnet.is_biased and file.amplifier.current_low_A < 0.0
+    return (
+        file.solenoid is None and file.magnet.kind == PERMANENT_MAGNET and file.amplifier.current_low_A < 0.0
+    )
 
 
 def _negative_bounds(file: RigFile) -> list[Bound]:
@@ -245,7 +248,7 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         sensor_force=Bound(USED_SENSOR_RANGE_FRACTION * settings.force_sensor.high_N, "force_sensor.high_N"),
         coil=coil,
     )
-    is_biased = file is None and settings.magnet.is_biased
+    is_biased = file is None and settings.magnet.kind == PERMANENT_MAGNET
     return replace(specimen, is_bipolar=is_bipolar, is_biased=is_biased)
 
 
