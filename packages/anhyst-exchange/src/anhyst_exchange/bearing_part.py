@@ -205,10 +205,8 @@ def plant_header(rig: BodyRig) -> str:
     if settings.magnet.kind == COUPLED:
         text = "an FMU has no force map of both currents; export a rig with another kind of magnet"
         raise InputError(f"{rig.path}: magnet.kind: {text}", code="not-for-this-kind", key="magnet.kind")
-    poles = settings.magnet.poles
-    circuit = circuit_parameters(poles, settings.magnet.eddy_time_s, settings.gap_m)
-    solid, cone = settings.magnet.solid_iron, poles.cone_parameters()
-    magnet, circuits = magnet_definition(settings.steel, circuit, solid, cone)
+    circuit = circuit_parameters(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
+    magnet, circuits = magnet_definition(settings.steel, circuit, settings.magnet.solid_iron)
     actuators = [{"magnet": magnet, **actuator} for actuator in parameters.actuators]
     bearing = {
         **parameters.body,

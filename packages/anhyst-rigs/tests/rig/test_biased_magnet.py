@@ -20,6 +20,7 @@ from anhyst.identification import identify
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst_rigs.rig.force.file import read_rig
+from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.parts.coupling import tabulate_coupling
 from anhyst_rigs.rig.parts.iron import PreisachSteel
 from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, make_iron_magnet
@@ -156,6 +157,15 @@ def test_impossible_values_of_a_biased_magnet_are_refused(
     content[place][0] |= changes
     with refused(what):
         read_rig(_rig(tmp_path, content))
+
+
+@pytest.mark.parametrize("kind", ["bearing", "stage"])
+def test_a_permanent_magnet_is_only_for_force_control(tmp_path: Path, kind: str) -> None:
+    content = tomllib.loads((EXAMPLES / kind / "rig.toml").read_text())
+    content["magnet"][0] |= {"kind": "permanent-magnet", "numbers": NUMBERS}
+    content["sensor"] = [sensor for sensor in content["sensor"] if sensor["of"] != "flux"]
+    with refused("not-for-this-kind magnet[1].kind: is only for force control"):
+        read_rig_file(_rig(tmp_path, content), content["control"]["kind"])
 
 
 def test_a_voltage_does_not_show_the_flux_of_a_permanent_magnet(tmp_path: Path) -> None:

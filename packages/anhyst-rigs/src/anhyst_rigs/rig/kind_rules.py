@@ -216,14 +216,18 @@ def _circuit_faults(file: RigFile) -> Iterator[FileFault]:
     if magnet is not None and not is_complete:
         text = "loops do not separate it from its permanent magnet or shared path; name one of [[iron]]"
         yield FileFault(file.key_path(magnet, "iron"), text, code="not-for-this-kind")
-    if magnet is not None and magnet.kind == COUPLED and not _is_one_axis_pair(file, magnet):
+    if magnet is not None and not _suits_magnet(file, magnet):
         text = f"needs a stage that moves along {OPENS_GAP} between two magnets; choose another kind"
+        text = text if magnet.kind == COUPLED else "is only for force control; choose another kind"
         yield FileFault(file.key_path(magnet, "kind"), text, code="not-for-this-kind")
 
 
-def _is_one_axis_pair(file: RigFile, magnet: MagnetTable) -> bool:
-    if not _count_limits(file, _TABLE_RULES[case_table.ScanCase][0])[0]:
-        return False
+def _suits_magnet(file: RigFile, magnet: MagnetTable) -> bool:
+    """Whether a rig supports a permanent magnet, or two coils on one yoke."""
+    case = case_table.ScanCase if magnet.kind == COUPLED else case_table.ForceCase
+    is_right_kind = _count_limits(file, _TABLE_RULES[case][0])[0] > 0
+    if magnet.kind == PERMANENT_MAGNET or not is_right_kind:
+        return is_right_kind
     copies = [table.direction for table in file.magnets if isinstance(table, LikeTable)]
     is_pair = copies == [OPENS_GAP] and magnet.direction == [-part for part in OPENS_GAP]
     return is_pair and file.body.free == ["x"] and file.scan.direction == OPENS_GAP

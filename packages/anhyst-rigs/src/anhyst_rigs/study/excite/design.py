@@ -155,9 +155,8 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         Bound(USED_SENSOR_RANGE_FRACTION * current_sensor.high_A, "current_sensor.high_A"),
     ]
     forces = [Bound(USED_SENSOR_RANGE_FRACTION * force_sensor.high_N, "force_sensor.high_N")]
-    is_bipolar = settings.magnet.is_bidirectional or _weakens_magnet(settings)
-    currents += _negative_bounds(settings) if is_bipolar else []
     if settings.magnet.is_bidirectional:
+        currents += _negative_bounds(settings)
         forces.append(Bound(-USED_SENSOR_RANGE_FRACTION * force_sensor.low_N, "force_sensor.low_N"))
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     inductance = poles.inductance(min(gaps))
@@ -180,15 +179,7 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         fast_rates=tuple(campaign.fast_A_per_s),
         demanded_force_rate=_demanded_force_rate(settings),
         output=settings.magnet.output,
-        is_bipolar=is_bipolar,
-        is_biased=settings.magnet.kind == PERMANENT_MAGNET,
-    )
-
-
-def _weakens_magnet(file: RigFile) -> bool:
-    """Whether a negative current weakens the flux of a permanent magnet."""
-    return (
-        file.solenoid is None and file.magnet.kind == PERMANENT_MAGNET and file.amplifier.current_low_A < 0.0
+        is_bipolar=settings.magnet.is_bidirectional,
     )
 
 
@@ -231,7 +222,8 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         coil = _measured_coil(settings, poles.turns, poles.resistance)
     campaign = None if file is None else file.measurement
     default_gaps = sorted({force.end_m, *settings.held_case.gaps_m}) if campaign is None else campaign.gaps_m
-    is_bipolar = _weakens_magnet(settings)
+    is_biased = file is None and settings.magnet.kind == PERMANENT_MAGNET
+    is_bipolar = is_biased and amplifier.current_low_A < 0.0
     specimen = _make_specimen(
         rig,
         tuple(excite.gaps_m or default_gaps),
@@ -248,7 +240,6 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         sensor_force=Bound(USED_SENSOR_RANGE_FRACTION * settings.force_sensor.high_N, "force_sensor.high_N"),
         coil=coil,
     )
-    is_biased = file is None and settings.magnet.kind == PERMANENT_MAGNET
     return replace(specimen, is_bipolar=is_bipolar, is_biased=is_biased)
 
 
