@@ -197,7 +197,7 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
 
 
 def _circuit_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find what does not suit a permanent magnet or two coils on one yoke."""
+    """Find keys that do not suit a permanent magnet or two coils on one yoke."""
     magnets = [table for table in file.magnets if isinstance(table, MagnetTable)]
     magnet = next((table for table in magnets if table.kind in (COUPLED, PERMANENT_MAGNET)), None)
     is_complete = magnet is not None and not magnet.has_iron_from_loops

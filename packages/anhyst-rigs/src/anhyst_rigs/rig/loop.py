@@ -105,7 +105,7 @@ class ClosedLoop:
         coupling: CoupledForces | None = None,
     ) -> None:
         self._coupling = coupling
-        self._coupling_force = 0.0  # of the last tick, along the load, N
+        self._coupling_force = 0.0  # change of the net force in the last tick, N
         self._loop = PlantLoop(plant, controller, current_loops)
         self._signals = [column_name(*signal) for signal in self._loop.signals]
         self._recorded = recorded_signals  # recorded columns; None: all

@@ -123,7 +123,7 @@ def _coordinate_parameters(rig: BodyRig) -> list[dict[str, float]]:
 
 
 def coupled_forces(rig: BodyRig) -> CoupledForces | None:
-    """Return the force map of both currents for two coils on one yoke; None for separate yokes."""
+    """Return the force map of both currents for two coils on one yoke, or None for separate yokes."""
     file, magnet = rig.settings, rig.settings.magnet
     if magnet.kind != COUPLED:
         return None

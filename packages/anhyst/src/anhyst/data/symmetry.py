@@ -35,11 +35,11 @@ _MIN_RISE_SHARE = 0.02
 """Minimum increase of the force from its minimum to the lower end of the curve, as a fraction of
 the range of the force."""
 _FULL_BRANCH_SHARE = 0.8
-"""Minimum input range of a full branch of flux linkage, as a fraction of that of the loop."""
+"""Minimum input range of a full branch of flux linkage, as a fraction of the loop's range."""
 _MAX_ASYMMETRY = 0.006
 _ASYMMETRY_PER_IMBALANCE = 0.16
 """Largest even part of a flux linkage without bias, as a fraction of its range, and its increase
-with the imbalance of the currents. Of virtual magnets with a drift of up to 3 %, none exceeds it."""
+with the imbalance of the currents. No virtual magnet with a drift of up to 3 % exceeds it."""
 _BIN_COUNT = 60
 _MIN_SAMPLES = 12
 """Minimum number of samples in each direction for an average curve."""

@@ -311,7 +311,7 @@ def _assumptions(fit: CircuitFit, calibration: ForceCalibration, drift: float) -
         f"The force follows from the energy balance of the flux linkage at {gap_count} gaps.",
         "The current is slow enough that eddy currents do not matter.",
         "The same gap sensor is used for the loops and later.",
-        "The flux linkage includes that of any permanent magnet.",
+        "The flux linkage includes the flux of permanent magnets.",
     ]
     if drift > _NEGLIGIBLE_DRIFT:
         texts.append(f"A drift of up to {100.0 * drift:.2g} % of the largest flux linkage was removed.")

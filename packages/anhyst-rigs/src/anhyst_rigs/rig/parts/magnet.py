@@ -35,7 +35,7 @@ _TABLE_GAPS = 129
 _FAR_M = 1e6
 """Gap without bias of a permanent magnet: its magnetomotive force changes by 1e-9 in 1 mm."""
 _WALL_M = 1e-12
-"""Size of the wall of a cone that has no effect."""
+"""Size of the wall of a cone without effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Poles:
     spring: float = 0.0
     # magnetomotive force of a permanent magnet in series with the iron, A; `joints` has its reluctance
     magnet_mmf: float = 0.0
-    # reluctance of the yoke path that the fluxes of both magnets of a pair share, 1/H; in `joints` too
+    # reluctance of the path that the fluxes of both magnets of a pair share, which `joints` includes, 1/H
     shared: float = 0.0
 
     def flux_density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
@@ -92,10 +92,10 @@ class Poles:
         return self.turns**2 / self.reluctance(gap)
 
     def cone_parameters(self) -> dict[str, float] | None:
-        """Return both gaps as one flat face of the plant; None without a permanent magnet.
+        """Return both gaps as one flat face of the plant, or None without a permanent magnet.
 
-        The plant accepts a constant magnetomotive force only with a cone. The wall of this cone has no
-        effect. The face has the permeance of both gaps, and exactly that of square poles.
+        The plant accepts a constant magnetomotive force only with a cone. The wall of this cone
+        is negligible. The face has the permeance of both gaps, which is exact for square poles.
         """
         if self.magnet_mmf == 0.0:
             return None
