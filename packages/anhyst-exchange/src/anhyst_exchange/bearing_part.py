@@ -26,7 +26,7 @@ from anhyst_exchange.part import (
 from anhyst_rigs.rig.bearing.loop import model_to_compile
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.parts.iron import CURVE_KEYS, AnySteel, CellSteel, PreisachSteel, everett_table
-from anhyst_rigs.rig.parts.magnet import SolidIron, circuit_parameters
+from anhyst_rigs.rig.parts.magnet import COUPLED, SolidIron, circuit_parameters
 from anhyst_rigs.rig.plant import current_controllers, noise_seed, plant_parameters
 from anhyst_rigs.rig.recording import column_name
 from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
@@ -202,6 +202,9 @@ def plant_header(rig: BodyRig) -> str:
     """Return the header with the parameters of the plant."""
     settings = rig.settings
     parameters = plant_parameters(rig)
+    if settings.magnet.kind == COUPLED:
+        text = "an FMU has no force map of both currents; export a rig with another kind of magnet"
+        raise InputError(f"{rig.path}: magnet.kind: {text}", code="not-for-this-kind", key="magnet.kind")
     circuit = circuit_parameters(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
     magnet, circuits = magnet_definition(settings.steel, circuit, settings.magnet.solid_iron)
     actuators = [{"magnet": magnet, **actuator} for actuator in parameters.actuators]

@@ -40,14 +40,13 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
     """Return the header with the parameters of the plant and the gap range of the compensator."""
     solid = None
     if (file := rig.solenoid_file) is not None:
-        circuit, cone = (file.circuit.circuit_parameters(file.iron), file.circuit.cone_parameters())
-        magnet, text = magnet_definition(file.iron, circuit, None, cone)
+        solenoid = file.circuit.circuit_parameters(file.iron)
+        magnet, text = magnet_definition(file.iron, solenoid, None, file.circuit.cone_parameters())
     else:
         table = rig.settings.magnet
         solid = table.solid_iron
-        magnet, text = magnet_definition(
-            rig.settings.steel, circuit_parameters(table.poles, 0.0, 1e-3), solid
-        )
+        circuit, cone = circuit_parameters(table.poles, 0.0, 1e-3), table.poles.cone_parameters()
+        magnet, text = magnet_definition(rig.settings.steel, circuit, solid, cone)
     sensors = rig.sensor_parameters(rig.dt)
     plant_values = {
         "magnet": magnet,

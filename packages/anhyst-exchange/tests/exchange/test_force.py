@@ -22,6 +22,7 @@ from tests.exchange.test_checker import findings
 from tests.exchange.test_sfunction import beside, built, simulated
 from tests.refusals import says
 from tests.rig.forces import EXAMPLE
+from tests.rig.test_biased_magnet import BIASED_RIG
 from tests.study.test_solid_force import rig_in
 from tests.truths import truth
 
@@ -80,6 +81,28 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
     error = recording["force_N"] - demand.force
     assert np.abs(error[demand.lead_in :]).max() < 0.15 * rig.settings.force.force_max_N
     assert np.ptp(recording["force_N"]) > 30.0
+
+
+@needs_binary
+@pytest.mark.slow
+def test_a_permanent_magnet_pulls_as_in_the_plant_bit_for_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The compensator is that of another magnet; its currents are converted by the biased one."""
+    (tmp_path / "rig.toml").write_bytes(BIASED_RIG.read_bytes())
+    rig = read_rig(tmp_path / "rig.toml")
+    monkeypatch.setattr(force_part, "identify_force_model", lambda *_: truth("electromagnet"))
+    monkeypatch.setattr(force_part, "read_rig_loops", lambda _: None)
+    export_fmu(tmp_path / "rig.toml", tmp_path / "magnet.fmu", platforms=[HERE])
+    ticks = 300
+    inputs = {"demand_N": 40.0 + 30.0 * np.sin(np.arange(ticks) / 30.0), "gap_m": np.full(ticks, 0.4e-3)}
+    with slave(tmp_path / "magnet.fmu", tmp_path) as made:
+        shown = ["command_A", "current_A", "force_N"]
+        command, current, force = np.array(made.run(inputs, shown, rig.dt)).T
+    alone = rig.make_plant().run(np.concatenate([[0.0], command[:-1]]), inputs["gap_m"], np.zeros((ticks, 3)))
+    assert np.array_equal(alone[:, 0], current)
+    assert np.array_equal(alone[:, 1], force)
+    assert force[0] > 100.0
 
 
 @needs_binary

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from anhyst.data import Loop, Loops
 from anhyst.data.inspection import inspect
-from anhyst.data.symmetry import find_bias
+from anhyst.data.symmetry import describe_flux_bias, find_bias
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
@@ -100,3 +101,29 @@ def test_a_non_monotone_branch_gives_an_unknown_verdict() -> None:
     assert "falls and rises again" in verdict.sentences[-1]
     early = record(np.sin(phase), np.sin(phase - 0.2), ("voltage", "displacement"))
     assert inspect(early).verdict.level == "yes"
+
+
+def flux_loops(seed: int, bias: float, *, is_zeroed: bool) -> Loops:
+    """Return loops of flux linkage with hysteresis, noise and drift, around a biased current."""
+    rng = np.random.default_rng(seed)
+    ends = rng.uniform(0.5, 1.5)
+    path = [0.0, ends, -ends, ends, -ends, 0.0]
+    drive = np.concatenate([np.linspace(a, b, 200) for a, b in itertools.pairwise(path)])
+    field = drive + bias
+    output = np.tanh(field - play(field, rng.uniform(0.01, 0.1)) * rng.uniform(0.0, 0.5))
+    if is_zeroed:
+        output = output - output[0]
+    output += np.ptp(output) * (
+        0.001 * rng.standard_normal(drive.size) + rng.uniform(-0.005, 0.005) * np.linspace(0, 1, drive.size)
+    )
+    return record(rng.choice([-1.0, 1.0]) * 3.0 * drive, 0.1 * output, ("current", "flux_linkage"))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_flux_linkage_without_the_flux_of_its_permanent_magnet_is_recognised(seed: int) -> None:
+    """Neither a magnet without bias nor a flux linkage with a known zero is taken for one."""
+    bias = float(np.random.default_rng([seed, 1]).choice([-1.0, 1.0])) * 0.8
+    assert "permanent magnet" in describe_flux_bias(flux_loops(seed, bias, is_zeroed=True))
+    assert not describe_flux_bias(flux_loops(seed, bias, is_zeroed=False))
+    for is_zeroed in (True, False):
+        assert not describe_flux_bias(flux_loops(seed, 0.0, is_zeroed=is_zeroed))

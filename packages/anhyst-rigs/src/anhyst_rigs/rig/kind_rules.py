@@ -15,8 +15,9 @@ from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
 from anhyst.support.toml_text import KeyPath
 from anhyst_rigs.rig import case_table, sensor_table, tables
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, SolenoidTable
+from anhyst_rigs.rig.magnet_table import FROM_LOOPS, OPENS_GAP, LikeTable, MagnetTable, SolenoidTable
 from anhyst_rigs.rig.measurement_table import identify_faults
+from anhyst_rigs.rig.parts.magnet import COUPLED, PERMANENT_MAGNET
 
 RIG_KINDS = ("levitation", "tracking", "force", "displacement")
 """Kinds of rigs, in the order of the columns of the grids below: values of ``control.kind``."""
@@ -75,7 +76,8 @@ _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
     tables.AmplifierTable: {
         "supply_V": "1 1 . .",
         "slew_A_per_s": ". . 1 .",
-        **dict.fromkeys(("mode", "current_low_A", "delay_s"), "? ? . ."),
+        "current_low_A": "? ? ? .",
+        **dict.fromkeys(("mode", "delay_s"), "? ? . ."),
     },
     tables.BodyTable: {
         "free": ". ? . .",
@@ -194,6 +196,43 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
         yield from _pair_faults(file, first_magnet)
 
 
+def _circuit_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find keys that do not suit a permanent magnet or two coils on one yoke."""
+    magnets = [table for table in file.magnets if isinstance(table, MagnetTable)]
+    magnet = next((table for table in magnets if table.kind in (COUPLED, PERMANENT_MAGNET)), None)
+    is_complete = magnet is not None and not magnet.has_iron_from_loops
+    for path, table in file.tables():
+        if isinstance(table, tables.AmplifierTable) and magnet is None:
+            is_given = "current_low_A" in table.model_fields_set
+            yield from _presence_fault(file, (*path, "current_low_A"), "? ? . .", is_given, "")
+        elif isinstance(table, tables.AmplifierTable) and magnet is not None and is_complete:
+            low = -magnet.poles.magnet_mmf / magnet.poles.turns
+            if magnet.kind == PERMANENT_MAGNET and table.current_low_A < low:
+                text = f"reverses the flux of the permanent magnet; raise it to {low:.3g} A or more"
+                yield FileFault((*path, "current_low_A"), text, code="out-of-range")
+        elif magnet and isinstance(table, sensor_table.FluxSensorTable | sensor_table.VoltageSensorTable):
+            text = f'is not available for a magnet of kind "{magnet.kind}"; remove it'
+            yield FileFault(path, text, code="not-for-this-kind")
+    if magnet is not None and not is_complete:
+        text = "loops do not separate it from its permanent magnet or shared path; name one of [[iron]]"
+        yield FileFault(file.key_path(magnet, "iron"), text, code="not-for-this-kind")
+    if magnet is not None and not _suits_magnet(file, magnet):
+        text = f"needs a stage that moves along {OPENS_GAP} between two magnets; choose another kind"
+        text = text if magnet.kind == COUPLED else "is only for force control; choose another kind"
+        yield FileFault(file.key_path(magnet, "kind"), text, code="not-for-this-kind")
+
+
+def _suits_magnet(file: RigFile, magnet: MagnetTable) -> bool:
+    """Whether a rig supports a permanent magnet, or two coils on one yoke."""
+    case = case_table.ScanCase if magnet.kind == COUPLED else case_table.ForceCase
+    is_right_kind = _count_limits(file, _TABLE_RULES[case][0])[0] > 0
+    if magnet.kind == PERMANENT_MAGNET or not is_right_kind:
+        return is_right_kind
+    copies = [table.direction for table in file.magnets if isinstance(table, LikeTable)]
+    is_pair = copies == [OPENS_GAP] and magnet.direction == [-part for part in OPENS_GAP]
+    return is_pair and file.body.free == ["x"] and file.scan.direction == OPENS_GAP
+
+
 def _pair_faults(file: RigFile, first_magnet: MagnetTable | None) -> Iterator[FileFault]:
     is_bidirectional = first_magnet is not None and first_magnet.is_bidirectional
     needs_opposite = _count_limits(file, _TABLE_RULES[LikeTable][0])[0] > 0
@@ -224,7 +263,7 @@ def _push_faults(file: RigFile, first_magnet: MagnetTable) -> Iterator[FileFault
 def read_rig_file(path: PathLike, kind: str) -> RigFile:
     """Read and check the rig file of a kind, which is the value of its key ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
-    faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file)]
+    faults = [*_count_faults(file), *_key_faults(file), *_circuit_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +15,8 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.plant import current_controllers, make_plant
+from anhyst_rigs.rig.parts.coupling import CoupledForces
+from anhyst_rigs.rig.plant import coupled_forces, current_controllers, make_plant
 from anhyst_rigs.rig.recording import Recording, column_name
 
 DROP_SAMPLE_BIT = 256
@@ -101,7 +102,10 @@ class ClosedLoop:
         controller: LoopController,
         current_loops: Sequence[dict[str, float]],
         recorded_signals: Sequence[str] | None = None,
+        coupling: CoupledForces | None = None,
     ) -> None:
+        self._coupling = coupling
+        self._coupling_force = 0.0  # change of the net force in the last tick, N
         self._loop = PlantLoop(plant, controller, current_loops)
         self._signals = [column_name(*signal) for signal in self._loop.signals]
         self._recorded = recorded_signals  # recorded columns; None: all
@@ -111,14 +115,33 @@ class ClosedLoop:
 
         The recording ends early if a value is not finite or if the controller does not answer.
         """
+        coupling = self._coupling
+        rows = self._run_rows(scenario) if coupling is None else self._run_coupled(scenario, coupling)
+        run = Recording.from_table(rows, self._signals)
+        return run if self._recorded is None else run.select_columns(self._recorded)
+
+    def _run_rows(self, scenario: Scenario) -> FloatArray:
         target, load, inject, feed = (
             np.ascontiguousarray(signal, dtype=np.float64).ravel()
             for signal in (scenario.target, scenario.load, scenario.inject, scenario.feed)
         )
         frame = np.ascontiguousarray(scenario.frame).ravel() if len(scenario.frame) else None
-        rows = self._loop.run(target, load, inject, feed, scenario.command, frame)
-        run = Recording.from_table(rows, self._signals)
-        return run if self._recorded is None else run.select_columns(self._recorded)
+        return self._loop.run(target, load, inject, feed, scenario.command, frame)
+
+    def _run_coupled(self, scenario: Scenario, coupling: CoupledForces) -> FloatArray:
+        """Run tick by tick; what both coils change of their forces acts in the next tick as a load."""
+        columns = [self._signals.index(name) for name in ("current_A", "current_2_A", "gap_m")]
+        rows = []
+        for tick in range(scenario.ticks):
+            part = scenario.slice_ticks(tick, tick + 1)
+            row = self._run_rows(replace(part, load=part.load + self._coupling_force))
+            if not len(row):
+                break
+            rows.append(row[0])
+            *currents, gap = row[0, columns].tolist()
+            changes = coupling.force_changes(np.array(currents), gap)
+            self._coupling_force = float(changes[1] - changes[0])
+        return np.array(rows).reshape(-1, len(self._signals))
 
 
 @dataclass(frozen=True)
@@ -170,4 +193,5 @@ class SimulatedLoop(ClosedLoop):
             for magnet in range(len(rig.settings.body_magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     plant.hold(current, magnet)
-        super().__init__(plant, setup.make_controller(), current_controllers(rig), setup.recorded_columns)
+        parts, coupling = (plant, setup.make_controller()), coupled_forces(rig)
+        super().__init__(*parts, current_controllers(rig), setup.recorded_columns, coupling)

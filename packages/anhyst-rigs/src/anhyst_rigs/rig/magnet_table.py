@@ -13,7 +13,7 @@ from anhyst.data.output_map import output_map
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import BRANCH_PREFIX, Name, NotNegative, Number, Positive, Table
 from anhyst.support.units import QUANTITIES
-from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, SolidIron
+from anhyst_rigs.rig.parts.magnet import ACTUATORS, PERMANENT_MAGNET, Poles, SolidIron
 
 FROM_LOOPS = "from loops"
 
@@ -102,7 +102,7 @@ class MagnetTable(Table):
             raise InputError(text, code="not-for-this-kind")
         if self.iron is None and (self.kind != LAW_KIND or self.flux_table is None):
             raise InputError(f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing")
-        if self.solid is not None and self.kind == LAW_KIND:
+        if self.solid is not None and self.kind in (LAW_KIND, PERMANENT_MAGNET):
             raise InputError('solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind")
         parameters = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
         for key in sorted(parameters.keys() - self.numbers):

@@ -13,6 +13,8 @@ from anhyst._core import Magnet, Plant
 from anhyst.support.numeric import first_order_share
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.parts.coupling import CoupledForces, tabulate_coupling
+from anhyst_rigs.rig.parts.magnet import COUPLED
 
 STOP_RESONANCE_HZ = 1600.0
 """Resonance of the body's mass on an end stop, Hz; the damping ratio in contact is 0.5."""
@@ -118,6 +120,18 @@ def _coordinate_parameters(rig: BodyRig) -> list[dict[str, float]]:
         }
         for coordinate in rig.lines_of_action.coordinates
     ]
+
+
+def coupled_forces(rig: BodyRig) -> CoupledForces | None:
+    """Return the force map of both currents for two coils on one yoke, or None for separate yokes."""
+    file, magnet = rig.settings, rig.settings.magnet
+    if magnet.kind != COUPLED:
+        return None
+    gap_sum = file.gap_total_m or 0.0
+    reach = 1.5 * max(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
+    currents = file.amplifier.current_low_A, file.amplifier.current_high_A
+    gaps = 0.5 * gap_sum - reach, 0.5 * gap_sum + reach
+    return tabulate_coupling(magnet.poles, file.steel, currents, gaps, gap_sum)
 
 
 def current_controllers(rig: BodyRig) -> list[dict[str, float]]:

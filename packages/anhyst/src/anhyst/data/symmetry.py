@@ -34,6 +34,12 @@ range."""
 _MIN_RISE_SHARE = 0.02
 """Minimum increase of the force from its minimum to the lower end of the curve, as a fraction of
 the range of the force."""
+_FULL_BRANCH_SHARE = 0.8
+"""Minimum input range of a full branch of flux linkage, as a fraction of the loop's range."""
+_MAX_ASYMMETRY = 0.006
+_ASYMMETRY_PER_IMBALANCE = 0.16
+"""Largest even part of a flux linkage without bias, as a fraction of its range, and its increase
+with the imbalance of the currents. No virtual magnet with a drift of up to 3 % exceeds it."""
 _BIN_COUNT = 60
 _MIN_SAMPLES = 12
 """Minimum number of samples in each direction for an average curve."""
@@ -119,6 +125,40 @@ def describe_bias(loopset: Loops) -> str:
             f"the {name} follows the sign of the {drive.name}: a magnet or a second coil biases it "
             "beyond the range; identify fits the bias as an offset of the input"
         )
+    return ""
+
+
+def describe_flux_bias(loopset: Loops) -> str:
+    """Return a sentence about a flux linkage that lacks the flux of a permanent magnet, or nothing.
+
+    The flux linkage without a bias is odd about its value at zero current. A bias bends it, but a
+    flux linkage whose zero is known is then far from zero without current.
+    """
+    for loop in _bipolar_loops(loopset):
+        full = [
+            branch
+            for branch in find_branches(loop.input)
+            if np.ptp(loop.input[branch.rows]) >= _FULL_BRANCH_SHARE * np.ptp(loop.input)
+        ]
+        if {branch.is_rising for branch in full} != {True, False}:
+            continue
+        curves = []
+        for is_rising in (True, False):
+            rows = np.concatenate([np.r_[b.rows] for b in full if b.is_rising is is_rising])
+            curves.append(average_in_bins(loop.input[rows], loop.output[rows], _BIN_COUNT))
+        ends = [end for drive, _ in curves for end in (-drive[0], drive[-1])]
+        grid = np.linspace(-min(ends), min(ends), 2 * _BIN_COUNT + 1)
+        rising, falling = (np.interp(grid, *curve) for curve in curves)
+        even_part, span = 0.5 * (rising + falling[::-1]), float(np.ptp(loop.output))
+        offset = min(abs(even_part[_BIN_COUNT]), abs(loop.output.max() + loop.output.min()) / 2.0)
+        imbalance = abs(loop.input.max() + loop.input.min()) / float(np.ptp(loop.input))
+        asymmetry = float(np.ptp(even_part)) / span
+        if asymmetry > _MAX_ASYMMETRY + _ASYMMETRY_PER_IMBALANCE * imbalance and offset < 0.1 * span:
+            return (
+                f"{loopset.describe(loop)}: the flux linkage bends unequally for both signs of the current, by "
+                f"{100.0 * asymmetry:.2g} % of its range, as with a permanent magnet whose flux is not included; "
+                "include it (integrate while the armature is pulled off), or measure loops of the force"
+            )
     return ""
 
 

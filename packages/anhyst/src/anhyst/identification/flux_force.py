@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from anhyst.data.loops import Loops
+from anhyst.data.symmetry import describe_flux_bias
 from anhyst.data.table import check_source, read_columns
 from anhyst.identification.flux_circuit import (
     PRIORS,
@@ -136,7 +137,7 @@ def find_no_force_reason(loops: Loops) -> str:
     if loops.schedule is None or loops.schedule.name != "gap" or count < MIN_GAPS:
         gap_text = count_text(count, "gap") if loops.schedule is not None else "no column of the gap"
         return f"{gap_text}: the force needs loops at {MIN_GAPS} gaps or more, best from the smallest to the largest"
-    return ""
+    return describe_flux_bias(loops)
 
 
 def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> DerivedForce:
@@ -356,7 +357,7 @@ def _assumptions(fit: CircuitFit, calibration: ForceCalibration, drift: float) -
         f"The force follows from the energy balance of the flux linkage at {gap_count} gaps.",
         "The current is slow enough that eddy currents do not matter.",
         "The same gap sensor is used for the loops and later.",
-        "The armature has little hysteresis, and no permanent magnet is in the circuit.",
+        "The armature has little hysteresis, and the flux linkage includes the flux of any permanent magnet.",
     ]
     if drift > _NEGLIGIBLE_DRIFT:
         texts.append(f"A drift of up to {100.0 * drift:.2g} % of the largest flux linkage was removed.")
@@ -373,7 +374,7 @@ def _warnings(fit: CircuitFit) -> tuple[str, ...]:
         warnings.append(
             "the flux linkage starts at zero although the iron was not demagnetised: its remanence was "
             "estimated, and small forces are uncertain; demagnetise the iron before the record, or drive "
-            "the current in both directions"
+            "the current in both directions. If a permanent magnet biases it, all forces are wrong"
         )
     if fit.flux_rms > _LARGE_DEVIATION:
         warnings.append(

@@ -35,7 +35,7 @@ from anhyst_rigs.rig.bench.protocol import (
 from anhyst_rigs.rig.bench.settings import check_values, stage_parameters
 from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant, sample_plant
 from anhyst_rigs.rig.loop import ClosedLoop
-from anhyst_rigs.rig.plant import current_controllers
+from anhyst_rigs.rig.plant import coupled_forces, current_controllers
 from anhyst_rigs.rig.recording import (
     CURRENT_SIGNALS,
     Loss,
@@ -213,7 +213,9 @@ class StageBench(CycleBench):
         # The loop refers to the same drives.
         drives = [self._compensator_with_history(setup, magnet) for magnet in range(self._magnets)]
         controller = setup.make_controller(drives)
-        self._loop = ClosedLoop(self._plant, controller, current_controllers(setup.rig))
+        self._loop = ClosedLoop(
+            self._plant, controller, current_controllers(setup.rig), coupling=coupled_forces(setup.rig)
+        )
         if len(self._latest_history):
             demand, feedforward = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
             self._integral_wrench = np.array([np.mean(values) for values in (demand - feedforward).T])

@@ -45,18 +45,18 @@ class ActuatorStand:
         self._seed = [rig.settings.seed, *seed]
         self._plant, self._sensors = rig.make_plant(), rig.make_sensors(seed)
         amplifier = rig.amplifier_parameters()
-        self._high, self._zero = amplifier["high"], amplifier["zero"]
+        self._low, self._high, self._zero = amplifier["low"], amplifier["high"], amplifier["zero"]
 
     def apply_random_history(self, gap: float) -> None:
         """Apply random quasi-static currents without the amplifier, then 0 A."""
         rng = np.random.default_rng([*self._seed, 3])
-        for current_share in (*rng.uniform(size=_HISTORY_CURRENT_COUNT).tolist(), 0.0):
-            self._plant.hold(current_share * self._high, gap)
+        for current in (*rng.uniform(self._low, self._high, _HISTORY_CURRENT_COUNT).tolist(), 0.0):
+            self._plant.hold(current, gap)
 
     def condition_iron(self, reversal_currents: list[float], gap: float) -> None:
         """Move the current slowly through a sequence of reversal points, A."""
         for reversal_current in reversal_currents:
-            self._plant.hold(max(reversal_current - self._zero, 0.0), gap)
+            self._plant.hold(max(reversal_current - self._zero, self._low), gap)
 
     def step(self, reference: float, gap: float) -> StandTick:
         """Advance by one tick with the reference, A, that was commanded at the present tick."""

@@ -123,9 +123,9 @@ class ForceControlRig:
         table = self.settings.amplifier
         return {
             "seconds": self.dt if self.has_solid_iron else 0.0,
-            "low": 0.0,
+            "low": table.current_low_A,
             "high": table.current_high_A,
-            "step": table.current_high_A / ((1 << table.dac_bits) - 1),
+            "step": (table.current_high_A - table.current_low_A) / ((1 << table.dac_bits) - 1),
             "share": first_order_share(2.0 * math.pi * table.bandwidth_Hz * self.dt),
             "most": table.slew * self.dt,
             "zero": self.settings.current_sensor.offset_A,

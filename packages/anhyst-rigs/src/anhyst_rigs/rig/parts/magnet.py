@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -32,6 +32,10 @@ from anhyst_rigs.rig.parts.iron import AnySteel
 _TABLE_CURRENTS = 257
 _TABLE_GAPS = 129
 """Number of currents and number of gaps in a flux table of the core."""
+_FAR_M = 1e6
+"""Gap without bias of a permanent magnet: its magnetomotive force changes by 1e-9 in 1 mm."""
+_WALL_M = 1e-12
+"""Size of the wall of a cone without effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +54,10 @@ class Poles:
     outer: float | None = None
     bias: float = 0.0
     spring: float = 0.0
+    # magnetomotive force of a permanent magnet in series with the iron, A; `joints` has its reluctance
+    magnet_mmf: float = 0.0
+    # reluctance of the path that the fluxes of both magnets of a pair share, which `joints` includes, 1/H
+    shared: float = 0.0
 
     def flux_density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density in the gap, T, for which the plant computes a pull of `gain`, N."""
@@ -83,6 +91,20 @@ class Poles:
         """Return the inductance of the winding for iron of infinite permeability, H."""
         return self.turns**2 / self.reluctance(gap)
 
+    def cone_parameters(self) -> dict[str, float] | None:
+        """Return both gaps as one flat face of the plant, or None without a permanent magnet.
+
+        The plant accepts a constant magnetomotive force only with a cone. The wall of this cone
+        is negligible. The face has the permeance of both gaps, which is exact for square poles.
+        """
+        if self.magnet_mmf == 0.0:
+            return None
+        side = math.sqrt(0.5 * self.area)
+        fringe = (self.width + self.depth) / (8.0 * side)
+        wall = dict.fromkeys(("clearance", "taper", "saturation", "thickness"), 1.0)
+        wall |= {"around": _WALL_M, "depth": 0.0, "onset": _WALL_M}
+        return {"leakage": self.leakage, "side": side, "fringe": fringe, **wall}
+
 
 @dataclass(frozen=True)
 class ActuatorKind:
@@ -95,9 +117,41 @@ class ActuatorKind:
     circuit: Callable[[Poles, Mapping[str, float]], Poles]  # function that adds these to a circuit
 
 
+def _add_permanent_magnet(poles: Poles, numbers: Mapping[str, float]) -> Poles:
+    """Return a circuit with a permanent magnet, whose recoil line is straight, in series."""
+    remanence, coercivity = numbers["remanence_T"], numbers["coercivity_A_per_m"]
+    if remanence < MU_0 * coercivity:
+        text = f"is above remanence_T/mu_0, {remanence / MU_0:.4g} A/m; enter HcB, not HcJ"
+        raise InputError(f"numbers.coercivity_A_per_m: {text}", code="out-of-range")
+    magnet_mmf = coercivity * numbers["magnet_length_m"]
+    reluctance = magnet_mmf / (remanence * numbers["magnet_area_m2"])
+    joints = poles.joints + MU_0 * poles.area * reluctance
+    return replace(poles, joints=joints, magnet_mmf=magnet_mmf)
+
+
+def _add_shared_path(poles: Poles, numbers: Mapping[str, float]) -> Poles:
+    """Return the circuit of a magnet whose yoke has a path for the fluxes of two coils."""
+    shared = numbers["shared_reluctance_per_H"]
+    return replace(poles, joints=poles.joints + MU_0 * poles.area * shared, shared=shared)
+
+
+PERMANENT_MAGNET, COUPLED = "permanent-magnet", "coupled-electromagnet"
+"""Kinds of magnets with a permanent magnet in series, and of two coils on one yoke."""
+_MAGNET_NUMBERS = {
+    "remanence_T": "remanence of the permanent magnet",
+    "coercivity_A_per_m": "coercivity HcB of the permanent magnet",
+    "magnet_length_m": "length of the permanent magnet along the flux",
+    "magnet_area_m2": "cross-section of the permanent magnet",
+}
+_SHARED_NUMBERS = {"shared_reluctance_per_H": "reluctance of the yoke path that both fluxes share"}
+
 ACTUATORS: Registry[ActuatorKind] = Registry(
     "anhyst.actuators",
-    {"electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)},
+    {
+        "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles),
+        PERMANENT_MAGNET: ActuatorKind("force", _MAGNET_NUMBERS, _add_permanent_magnet),
+        COUPLED: ActuatorKind("force", _SHARED_NUMBERS, _add_shared_path),
+    },
     lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is not an ActuatorKind",
 )
 """Kinds of actuators by name: built-in and plug-in ones (entry point ``anhyst.actuators``)."""
@@ -129,6 +183,8 @@ def make_iron_magnet(
 ) -> Magnet:
     """Return a magnet with an iron of any family, and with a solid part if one is given."""
     parameters = circuit_parameters(poles, eddy_time, gap)
+    if (cone := poles.cone_parameters()) is not None:
+        return Magnet(parameters, steel.make_steel(), cone)
     if solid is None:
         return Magnet(parameters, steel.make_steel())
     return Magnet(parameters, steel.make_steel(), solid.length / poles.iron_length, *solid.layer_parameters())
@@ -144,8 +200,8 @@ def circuit_parameters(poles: Poles, eddy_time: float, gap: float) -> dict[str, 
         "leakage": poles.leakage,
         "joints": poles.joints / (MU_0 * poles.area) if poles.outer is None else poles.outer,
         "eddy": eddy_time * poles.reluctance(gap) * poles.area / poles.iron_length,
-        "bias": poles.bias,
-        "middle": gap,
+        "bias": poles.bias or poles.magnet_mmf / _FAR_M,
+        "middle": gap if poles.magnet_mmf == 0.0 else _FAR_M,
         "spring": poles.spring,
         "turns": float(poles.turns),
         "resistance": poles.resistance,

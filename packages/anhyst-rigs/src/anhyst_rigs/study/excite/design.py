@@ -25,6 +25,7 @@ from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.force.file import ForceControlRig
 from anhyst_rigs.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst_rigs.rig.measuring import FAST_CYCLES, SAMPLES_PER_FAST_CYCLE, HeldBearing, HeldRig, sweep_path
+from anhyst_rigs.rig.parts.magnet import PERMANENT_MAGNET
 from anhyst_rigs.rig.piezo import PiezoRig
 
 MAX_WARMTH = 0.95
@@ -130,6 +131,7 @@ class Specimen:
     drive: str = "current"  # quantities that the loops contain
     output: str = "force"
     is_bipolar: bool = False  # whether the current can have both signs
+    is_biased: bool = False  # whether a permanent magnet keeps the iron magnetised without current
     supply: Supply | None = None  # None if the largest rate does not depend on the current
     max_fast_rate: Bound | None = None  # limit of the rate of fast cycles; None: `max_rate`
     has_own_gaps: bool = False  # whether [excite] gives the gaps
@@ -154,10 +156,7 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
     ]
     forces = [Bound(USED_SENSOR_RANGE_FRACTION * force_sensor.high_N, "force_sensor.high_N")]
     if settings.magnet.is_bidirectional:
-        currents += [
-            Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
-            Bound(-USED_SENSOR_RANGE_FRACTION * current_sensor.low_A, "current_sensor.low_A"),
-        ]
+        currents += _negative_bounds(settings)
         forces.append(Bound(-USED_SENSOR_RANGE_FRACTION * force_sensor.low_N, "force_sensor.low_N"))
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     inductance = poles.inductance(min(gaps))
@@ -182,6 +181,14 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         output=settings.magnet.output,
         is_bipolar=settings.magnet.is_bidirectional,
     )
+
+
+def _negative_bounds(file: RigFile) -> list[Bound]:
+    """Return the limits of the largest current of both signs."""
+    return [
+        Bound(-file.amplifier.current_low_A, "amplifier.current_low_A"),
+        Bound(-USED_SENSOR_RANGE_FRACTION * file.current_sensor.low_A, "current_sensor.low_A"),
+    ]
 
 
 def _demanded_force_rate(file: RigFile) -> float:
@@ -215,7 +222,9 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         coil = _measured_coil(settings, poles.turns, poles.resistance)
     campaign = None if file is None else file.measurement
     default_gaps = sorted({force.end_m, *settings.held_case.gaps_m}) if campaign is None else campaign.gaps_m
-    return _make_specimen(
+    is_biased = file is None and settings.magnet.kind == PERMANENT_MAGNET
+    is_bipolar = is_biased and amplifier.current_low_A < 0.0
+    specimen = _make_specimen(
         rig,
         tuple(excite.gaps_m or default_gaps),
         excite,
@@ -224,12 +233,14 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         currents=[
             Bound(amplifier.current_high_A, "amplifier.current_high_A"),
             Bound(USED_SENSOR_RANGE_FRACTION * settings.current_sensor.high_A, "current_sensor.high_A"),
+            *(_negative_bounds(settings) if is_bipolar else ()),
         ],
-        min_current=0.0,
+        min_current=min(amplifier.current_low_A, 0.0),
         supply_rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
         sensor_force=Bound(USED_SENSOR_RANGE_FRACTION * settings.force_sensor.high_N, "force_sensor.high_N"),
         coil=coil,
     )
+    return replace(specimen, is_bipolar=is_bipolar, is_biased=is_biased)
 
 
 def _measured_coil(file: RigFile, turns: float, resistance: float | None) -> MeasuredCoil | None:
@@ -411,8 +422,8 @@ def sine_path(reversals: Sequence[float], step: float) -> FloatArray:
 
 
 def can_demagnetise(specimen: Specimen, peak: float) -> bool:
-    """Whether the amplifier can drive the negative of the peak current."""
-    return specimen.min_current <= -peak
+    """Whether the amplifier can drive the negative of the peak current, without a permanent magnet."""
+    return not specimen.is_biased and specimen.min_current <= -peak
 
 
 def current_step(specimen: Specimen) -> float:
@@ -426,7 +437,8 @@ def design_approach(specimen: Specimen, peak: float) -> tuple[tuple[float, ...],
     if can_demagnetise(specimen, peak):
         reversals = (0.0, *decaying_reversals(0.0, peak, DEMAGNETISING_DECAY))
         return reversals, sine_path(reversals, step), DEMAGNETISED
-    reversals = (0.0, *[peak, 0.0] * specimen.conditioning_cycles)
+    lower_end = -peak if specimen.is_bipolar else 0.0
+    reversals = (0.0, *[peak, lower_end] * specimen.conditioning_cycles, *[0.0] * specimen.is_bipolar)
     return reversals, sweep_path(reversals, step), History("conditioned", reversals)
 
 

@@ -441,9 +441,12 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
                 f"{specimen.operating_force.value:.4g} {output_name} of {specimen.operating_force.key}"
             )
     if not all(can_demagnetise(specimen, gap_result.peak.value) for gap_result in probed_gaps):
+        reason = "the amplifier does not drive as far below zero as above"
+        if specimen.is_biased:
+            reason = "a permanent magnet magnetises the iron without current"
         notes.append(
-            "the amplifier does not drive as far below zero as above: records begin after "
-            f"{specimen.conditioning_cycles} cycles from 0 to the largest {specimen.drive} instead of "
+            f"{reason}: records begin after {specimen.conditioning_cycles} cycles from "
+            f"{'the lowest' if specimen.is_bipolar else '0'} to the largest {specimen.drive} instead of "
             "demagnetised"
         )
     fast_limit = specimen.max_fast_rate or specimen.max_rate
