@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Proves a step of the flux estimator: from any state within its bounds, with any valid settings,
-   any voltage and any flux of the law, no sum overflows and the state stays within its bounds. */
+/* Proves a step of the flux estimator. The step begins in any state within its bounds. Settings,
+   voltage and flux of the law have any valid values. No sum overflows, and the state stays within
+   its bounds. */
 #include "any.h"
 
 #include "control/coil_flux.c"

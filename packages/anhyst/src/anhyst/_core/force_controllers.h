@@ -116,7 +116,8 @@ public:
     behind_ = state_;
     check_controller(F::init_coil(&state_, &coil_, &given, &behind_));
   }
-  // Flux of the law and estimated flux, Wb; offset, Wb per tick; resistance, Wb per tick and A.
+  // Returns the flux of the law and the estimated flux in Wb, the offset in Wb per tick, and the
+  // resistance in Wb per tick and A.
   std::array<double, 4> estimate() const
   {
     return {coil_.law, coil_.law + coil_.deviation, coil_.offset, coil_.resistance};
@@ -182,7 +183,7 @@ private:
   }
 
   typename F::State state_{};
-  typename F::State behind_{}; // with a coil: the method behind the estimator
+  typename F::State behind_{}; // with a coil: the method that gets the estimated flux
   typename F::Coil coil_{};
   typename F::Map current_{};
   typename F::Loop loop_{};
@@ -252,7 +253,7 @@ private:
   void take_loop(const Entries &wanted, const Factors &loop, int32_t most);
 
   anhyst_force_controller_q31 state_{};
-  anhyst_force_controller_q31 behind_{}; // with a coil: the method behind the estimator
+  anhyst_force_controller_q31 behind_{}; // with a coil: the method that gets the estimated flux
   anhyst_coil_flux_q31 coil_{};
   anhyst_map_q31 current_{};
   anhyst_flux_loop_q31 loop_{};
