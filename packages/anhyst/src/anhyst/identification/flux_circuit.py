@@ -45,8 +45,8 @@ _LEAKAGE_SIGMA = 0.3
 _SATURATION_SIGMA = 3.0
 
 _STARTS = ((0.03, 0.3), (0.15, 1.0), (0.3, 1.8))
-"""Leakage and relative fringe permeance per mm from which the search starts. From a single start,
-some magnets end in a wrong minimum."""
+"""First values of the leakage and of the relative fringe permeance per mm. With a single first value,
+the search ends in a wrong minimum for some magnets."""
 
 _START_SATURATION = 0.05
 _MAX_EVALUATIONS = 60
@@ -72,7 +72,7 @@ class PoleArea:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """Normalised knowledge about the circuit besides the loops."""
+    """Normalised values of the circuit that do not come from the loops."""
 
     # flux linkages, gaps, forces and standard deviations of the forces of static readings
     readings: tuple[tuple[float, float, float, float], ...] = ()
@@ -201,7 +201,7 @@ class _Problem:
         self.basis = YokeBasis.of(records)
 
     def starts(self) -> list[FloatArray]:
-        """Return the parameters from which the search starts."""
+        """Return several first parameters of the search."""
         gap_mm = 1e3 * self.records.scales[2]
         starts = []
         for leakage, fringe_per_mm in _STARTS:

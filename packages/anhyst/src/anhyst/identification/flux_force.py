@@ -1,8 +1,8 @@
 """Derive the force of a magnet from loops of flux linkage over current at several gaps.
 
 A flux circuit is fitted to the loops. Its energy balance gives the force of every measured sample,
-so the hysteresis of the force is that of the measured flux linkage. The model of the force is then
-identified from these loops of force as from measured ones.
+and this force has the hysteresis of the flux linkage. The model of the force is then identified
+from these loops of force in the usual way.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ _LARGEST_REMANENCE, _REMANENCE_LEVELS = 1.2, 7
 the widest loop, and number of tried remanences."""
 
 _EQUAL_COST = 1.1
-"""Ratio of the costs of two fits that explain the loops about equally well."""
+"""Ratio of the costs of two fits below which both fits are plausible."""
 
 _REPEATED_FITS = 12
 _LEVELS = 12
@@ -90,7 +90,7 @@ magnets do not show this error."""
 
 @dataclass(frozen=True)
 class ForceCalibration:
-    """What is known about the force besides the flux linkage; each item is optional."""
+    """Force readings and the pole area, which calibrate a derived force. Both are optional."""
 
     readings: tuple[ForceReading, ...] = ()
     pole: PoleArea | None = None
@@ -99,7 +99,7 @@ class ForceCalibration:
 def read_calibration(
     force_at: PathLike | Any, pole_area: float | None, turns: float | None
 ) -> ForceCalibration | None:
-    """Return the calibration of the command line or of Python; None if nothing is given."""
+    """Return the given calibration, or None if nothing is given."""
     if (pole_area is None) is not (turns is None):
         text = "pole_area and turns belong together; give both or neither"
         raise InputError(text, code="options-missing", key="pole_area")
@@ -150,9 +150,8 @@ def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> Deri
     fit, knowledge = fits[0], Knowledge()
     if fit.flux_rms > _LARGEST_DEVIATION:
         raise InputError(
-            f"the flux linkage over the gap is not that of a yoke with one working gap and leakage: the best such "
-            f"circuit deviates by {100.0 * fit.flux_rms:.2g} % rms; measure the force, or identify with "
-            "--output flux_linkage",
+            f"no circuit of a yoke, one working gap and leakage follows the flux linkage: the best one "
+            f"deviates by {100.0 * fit.flux_rms:.2g} % rms; measure the force, or use --output flux_linkage",
             code="circuit-does-not-fit",
             key="output",
         )
@@ -372,7 +371,7 @@ def _warnings(fit: CircuitFit) -> tuple[str, ...]:
     warnings = []
     if fit.records.zero_slope.any():
         warnings.append(
-            "the flux linkage starts at zero although the iron was not demagnetised: its remanence was "
+            "the flux linkage starts at zero, but the iron was not demagnetised: the remanence was "
             "estimated, and small forces are uncertain; demagnetise the iron before the record, or drive "
             "the current in both directions. If a permanent magnet biases it, all forces are wrong"
         )

@@ -39,7 +39,7 @@ STOP_THRESHOLDS = np.array([0.004, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6])
 
 _SLOPE_BINS = 16
 _CURRENT_LEVELS = 100
-"""Resolution at which currents are counted as different. With fewer currents than bins, neighbouring
+"""Number of levels to which currents are rounded before distinct currents are counted. With fewer currents than bins, neighbouring
 bins can have almost the same current, and the slope between them is not defined."""
 _WIDTH_LEVELS = 13
 _MIN_SLOPE = 0.02
@@ -65,7 +65,7 @@ class FluxRecords:
     stops: FloatArray  # states of the stop operators, shape (n, stops)
     record: NDArray[np.intp]  # index of the loop of each sample
     scales: tuple[float, float, float]  # largest current, A, and flux linkage, Wb; middle gap, m
-    # slope of flux linkage over current at rest, in loops whose zero of the flux is unknown; else 0
+    # slope of flux linkage over current at rest in loops with an unknown zero, otherwise 0
     zero_slope: FloatArray
     elapsed: FloatArray  # fraction of the record's duration
     half_width: float  # of the widest loop at the smallest gap, relative to the largest current
@@ -80,9 +80,9 @@ class FluxRecords:
         return replace(self, **arrays)
 
     def with_zero(self, current: float) -> FluxRecords:
-        """Return the records with the remanence that a current would produce in a record at rest.
+        """Return the records with the remanence that a current would produce at rest.
 
-        It is added to the records whose zero is unknown.
+        The remanence is added only to records with an unknown zero.
         """
         return replace(self, flux=self.flux + current * self.zero_slope)
 

@@ -225,7 +225,7 @@ def _make_figures(
     *,
     is_accepted: bool | None,
 ) -> FitFigures:
-    """Return the deviations of the model from its loops, and what remains of them."""
+    """Return the deviations of the model from its loops, with a description of the residual."""
     figures = fit_figures(
         loops, fitted, outcome.withheld_errors, is_accepted, outcome.expected_error, outcome.candidates
     )
@@ -236,7 +236,7 @@ def _make_figures(
 def _derive_wanted_force(
     loops: Loops, output: OutputName, calibration: ForceCalibration | None, seed: int
 ) -> tuple[DerivedForce | None, tuple[str, ...]]:
-    """Return the force of loops of flux linkage if it is wanted, and warnings."""
+    """Return the force of loops of flux linkage, unless another output is requested, and warnings."""
     is_flux = (loops.input.name, loops.output.name) == ("current", "flux_linkage")
     is_required = output == "force" or calibration is not None
     if output == "flux_linkage" or (loops.output.name == "force" and calibration is None):
