@@ -39,8 +39,8 @@ STOP_THRESHOLDS = np.array([0.004, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6])
 
 _SLOPE_BINS = 16
 _CURRENT_LEVELS = 100
-"""Number of levels to which currents are rounded before distinct currents are counted. With fewer currents than bins, neighbouring
-bins can have almost the same current, and the slope between them is not defined."""
+"""Number of levels to which currents are rounded before distinct currents are counted. With fewer
+currents than bins, neighbouring bins can have almost the same current, and their slope is undefined."""
 _WIDTH_LEVELS = 13
 _MIN_SLOPE = 0.02
 """Smallest weight of a sample, as slope of flux linkage over current in normalised units."""
