@@ -103,9 +103,9 @@ class CircuitFit:
         """Rms deviation, relative to the largest flux linkage."""
         return rms(self.deviations)
 
-    def in_si(self, circuit: FluxMap) -> FluxMap:
-        """Return a normalised circuit in SI units."""
-        current, flux, gap = self.records.scales
+    def in_si(self) -> FluxMap:
+        """Return the fitted circuit in SI units."""
+        circuit, (current, flux, gap) = self.circuit, self.records.scales
         permeance = flux / current
         return FluxMap(
             pole=circuit.pole * permeance * gap,
@@ -127,12 +127,9 @@ class CircuitFit:
     def flux_at(self, current: float, gap: float) -> float:
         """Return the normalised flux linkage at a normalised current, risen from zero, and gap."""
         flux = np.linspace(0.0, 1.5, 3001)
-        circuit, gaps = self.circuit, np.full(flux.size, gap)
-        gap_flux = circuit.gap_flux(flux, gaps)
-        drop = circuit.armature(gap_flux)[0] + circuit.reluctance(gaps)[0] * gap_flux
+        drop = self.circuit.magnetomotive_force(flux, np.full(flux.size, gap))
         stops = np.minimum(flux[:, None], STOP_THRESHOLDS)
-        basis = np.hstack([anhysteretic_basis(flux), stops, stops * flux[:, None] ** 2])
-        total = self.free[0] + basis @ self.yoke + drop
+        total = self.free[0] + yoke_functions(flux, stops) @ self.yoke + drop
         return float(np.interp(current, total, flux))
 
 
@@ -174,8 +171,7 @@ class YokeBasis:
         flux, weight = records.flux, records.weight[:, None]
         drift = (records.record[:, None] == np.unique(records.record)) * records.elapsed[:, None]
         free = np.hstack([weight, drift])
-        hysteresis = np.hstack([records.stops, records.stops * flux[:, None] ** 2])
-        functions = np.hstack([anhysteretic_basis(flux), hysteresis]) * weight
+        functions = yoke_functions(flux, records.stops) * weight
         free_orthogonal = orth(free)  # the drift of a simulated table is a column of zeros
         rest = functions - free_orthogonal @ (free_orthogonal.T @ functions)
         return cls(free, functions, free_orthogonal, *np.linalg.qr(rest))
@@ -233,8 +229,7 @@ class _Problem:
     def deviations(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the deviations as flux linkages, and the free and the other coefficients of the yoke."""
         records, circuit = self.records, _make_circuit(parameters)
-        gap_flux = circuit.gap_flux(records.flux, records.gap)
-        drop = circuit.armature(gap_flux)[0] + circuit.reluctance(records.gap)[0] * gap_flux
+        drop = circuit.magnetomotive_force(records.flux, records.gap)
         return self.basis.fit((records.current - drop) * records.weight)
 
     def _priors(self, parameters: FloatArray) -> FloatArray:
@@ -280,6 +275,7 @@ def _make_circuit(parameters: FloatArray) -> FluxMap:
     )
 
 
-def anhysteretic_basis(flux: FloatArray) -> FloatArray:
-    """Return a line and convex curves of the yoke; shape (n, functions)."""
-    return np.hstack([flux[:, None], hinges(flux, YOKE_KNOTS)])
+def yoke_functions(flux: FloatArray, stops: FloatArray) -> FloatArray:
+    """Return the functions of the yoke: a line, convex curves and stop operators; shape (n, functions)."""
+    squared = flux[:, None] ** 2
+    return np.hstack([flux[:, None], hinges(flux, YOKE_KNOTS), stops, stops * squared])

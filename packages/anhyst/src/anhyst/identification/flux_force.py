@@ -165,7 +165,7 @@ def derive_force(loops: Loops, calibration: ForceCalibration, seed: int) -> Deri
     scatter = estimate_scatter(fit, knowledge, np.random.default_rng(seed))
     mean, worst = np.hypot(scatter, _doubt_of_zero(fits)).tolist()
     flux = replace(
-        fit.in_si(fit.circuit),
+        fit.in_si(),
         mean_uncertainty=mean,
         worst_uncertainty=worst,
         zeros=tuple(zeros.tolist()),
@@ -247,7 +247,7 @@ def _normalise_pole(pole: PoleArea | None, fit: CircuitFit) -> tuple[float, floa
         return None
     current, flux, gap = fit.records.scales
     permeance = MU_0 * pole.turns**2 * pole.area
-    ratio = fit.in_si(fit.circuit).pole / permeance
+    ratio = fit.in_si().pole / permeance
     if not _AREA_RATIOS[0] <= ratio <= _AREA_RATIOS[1]:
         raise InputError(
             f"pole area of {pole.area:g} m^2 and {pole.turns:g} turns: the flux linkage gives "

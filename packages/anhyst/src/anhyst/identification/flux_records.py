@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from anhyst.data.flux_linkage import has_known_zero
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.path import ANHYSTERETIC, find_turning_points
+from anhyst.data.path import ANHYSTERETIC, find_turning_points, move_plays
 from anhyst.data.surface import current_envelope
 from anhyst.model.flux_map import elapsed_fraction
 from anhyst.support.numeric import FloatArray
@@ -199,9 +199,5 @@ def _mean_slope(current: FloatArray, flux: FloatArray) -> FloatArray:
 
 def _move_stops(flux: FloatArray) -> FloatArray:
     """Return the states of the stop operators, zero before the first sample; shape (n, stops)."""
-    states = np.empty((flux.size, STOP_THRESHOLDS.size))
-    state = np.zeros(STOP_THRESHOLDS.size)
-    for row, step in enumerate(np.diff(flux, prepend=0.0)):
-        state = np.clip(state + step, -STOP_THRESHOLDS, STOP_THRESHOLDS)
-        states[row] = state
-    return states
+    plays = move_plays(flux[None], STOP_THRESHOLDS, np.zeros((1, STOP_THRESHOLDS.size)))
+    return np.asarray(flux[:, None] - plays[:, 0])
