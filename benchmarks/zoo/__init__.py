@@ -1,0 +1,1 @@
+"""An open benchmark of hysteresis models: tasks with frozen splits, models of many kinds, one table."""

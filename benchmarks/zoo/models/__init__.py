@@ -1,0 +1,1 @@
+"""Models of the benchmark. Each file lists its models in ``MODELS``."""
