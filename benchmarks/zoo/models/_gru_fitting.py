@@ -8,7 +8,7 @@ import numpy as np
 
 from ._fitting import Search, Tensors, best_search, parameters_of
 from ._gru_kernel import gru_function
-from ._training import Arrays
+from ._learned import Arrays
 from .gru import ADAM_STEPS, HIDDEN, LBFGS_STEPS, SEEDS, TRIAL_STEPS, WEIGHT_DECAY, Sequences
 
 

@@ -30,9 +30,6 @@ class Scaling:
     input_half: float  # half of the range
     output_centre: float
     output_half: float
-    schedule_low: float
-    schedule_high: float
-    has_inverse: bool  # whether 1/schedule is a feature
     time_step: float  # median step of time, s; 0 if no time is recorded
     input_step: float  # rms change of the normalised input between samples
     warped: FloatArray  # warped input at equal distances of the normalised input
@@ -42,17 +39,12 @@ class Scaling:
         """Return the scales of training records."""
         u = np.concatenate([record.input for record in records])
         y = np.concatenate([record.output[is_usable(record)] for record in records])
-        schedules = [record.schedule for record in records if record.schedule is not None]
-        g = np.concatenate(schedules) if schedules else np.zeros(1)
         times = [np.median(np.diff(record.time)) for record in records if record.time is not None]
         centre, half = _centre_and_half(u)
         return cls(
             centre,
             half,
             *_centre_and_half(y),
-            float(g.min()),
-            float(g.max()),
-            bool(0.0 < 1.5 * g.min() < g.max()),
             float(np.exp(np.mean(np.log(times)))) if len(times) == len(records) else 0.0,
             float(np.sqrt(np.mean(np.concatenate([np.diff(record.input) for record in records]) ** 2))) / half
             or 1.0,
@@ -63,11 +55,6 @@ class Scaling:
     def zero_input(self) -> float:
         """The normalised input that is zero in its unit."""
         return -self.input_centre / self.input_half
-
-    @property
-    def n_schedule(self) -> int:
-        """Number of features of the schedule."""
-        return 0 if self.schedule_low == self.schedule_high else 1 + self.has_inverse
 
     def scale_input(self, u: FloatArray) -> FloatArray:
         """Return the input, -1 to 1 in the training records."""
@@ -92,17 +79,6 @@ class Scaling:
     def output_of(self, scaled: FloatArray) -> FloatArray:
         """Return the output in its unit."""
         return self.output_centre + self.output_half * scaled
-
-    def schedule_features(self, path: Path) -> FloatArray:
-        """Return the schedule and, if it is a ratio scale, its inverse, -1 to 1, shape (n, 0..2)."""
-        if self.n_schedule == 0 or path.schedule is None:
-            return np.zeros((path.input.size, self.n_schedule))
-        low, high = self.schedule_low, self.schedule_high
-        columns = [2.0 * (path.schedule - low) / (high - low) - 1.0]
-        if self.has_inverse:
-            inverse = 1.0 / np.maximum(path.schedule, 0.3 * low)
-            columns.append(2.0 * (inverse - 1.0 / high) / (1.0 / low - 1.0 / high) - 1.0)
-        return np.stack(columns, axis=1)
 
     def time_steps(self, path: Path) -> FloatArray | None:
         """Return the time step before each sample, relative to the usual one, or None."""
@@ -150,14 +126,14 @@ def split(record: Record) -> tuple[FloatArray, FloatArray]:
 
 
 def range_weight(record: Record, scaling: Scaling) -> float:
-    """Return the weight of a record: the range of all outputs relative to its own, at most 5.
+    """Return the weight of a record: the root of the range of all outputs relative to its own, at most 3.
 
-    The sum of squares over all samples would neglect records with a small output, such as those at a
-    large gap, and errors relative to the range of each record would overestimate small loops.
+    The sum of squares over all samples would neglect small loops, and errors relative to the range of
+    each record would overestimate them.
     """
     y = record.output[is_usable(record)]
     own = float(np.ptp(y)) / 2.0 if y.size else 0.0
-    return min(5.0, scaling.output_half / max(own, 1e-12 * scaling.output_half))
+    return min(3.0, float(np.sqrt(scaling.output_half / max(own, 1e-12 * scaling.output_half))))
 
 
 @dataclass(frozen=True)
@@ -165,20 +141,18 @@ class Travel:
     """A path in steps of at most equal travel, and the place of each sample of the path in it."""
 
     input: FloatArray
-    features: FloatArray  # of the schedule, shape (steps, features)
     before: IntArray  # index of the step at or before each sample
     fraction: FloatArray  # position of the sample between this step and the next
 
 
-def by_travel(u: FloatArray, features: FloatArray, step: float) -> Travel:
+def by_travel(u: FloatArray, step: float) -> Travel:
     """Return a path in steps of travel, with a step at each reversal of the input.
 
-    Travel is the path length of the input and of the features of the schedule. A model that runs over
-    these steps is independent of the rate and of the sampling.
+    Travel is the path length of the input. A model that runs over these steps is independent of the
+    rate and of the sampling.
     """
     du = np.diff(u)
-    lengths = np.abs(du) + np.abs(np.diff(features, axis=0)).sum(axis=1)
-    travel = np.concatenate([[0.0], np.cumsum(lengths)])
+    travel = np.concatenate([[0.0], np.cumsum(np.abs(du))])
     moving = np.flatnonzero(du)
     reversals = moving[1:][np.sign(du[moving[1:]]) != np.sign(du[moving[:-1]])]
     ends = np.unique(np.concatenate([[0.0], travel[reversals], travel[-1:]]))
@@ -192,10 +166,4 @@ def by_travel(u: FloatArray, features: FloatArray, step: float) -> Travel:
     following = np.minimum(before + 1, places.size - 1)
     width = places[following] - places[before]
     fraction = np.where(width > 0.0, (travel - places[before]) / np.where(width > 0.0, width, 1.0), 0.0)
-    columns = [np.interp(places, travel, column) for column in features.T]
-    return Travel(
-        np.interp(places, travel, u),
-        np.stack(columns, axis=1) if columns else np.zeros((places.size, 0)),
-        before,
-        np.clip(fraction, 0.0, 1.0),
-    )
+    return Travel(np.interp(places, travel, u), before, np.clip(fraction, 0.0, 1.0))

@@ -1,0 +1,103 @@
+"""Training of the monotone network of play operators with PyTorch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..records import LEAD_IN_CYCLES, FloatArray, Record
+from ._fitting import Search, Tensors, best_search, parameters_of
+from ._signals import Scaling, range_weight, split
+from ._learned import Arrays
+from .play_network import FILTERS, HIDDEN, PLAYS, run_network, scaled_path
+
+SEEDS = 3
+TRIAL_STEPS = 100
+ADAM_STEPS = 250
+LBFGS_STEPS = 500
+SMOOTHNESS_WEIGHT = 1e-8
+"""Weight of the sum of squared weights, which are the slopes of the network."""
+
+
+def train_play_network(records: Sequence[Record], scaling: Scaling) -> Arrays:
+    """Return the arrays of the best of several searches."""
+    losses = _Losses(records, scaling)
+    searches = [
+        Search(parameters_of(initial_arrays(records, scaling, seed)), losses) for seed in range(SEEDS)
+    ]
+    for search in searches:
+        search.run_adam(TRIAL_STEPS, 0.03)
+    best = best_search(searches)
+    best.run_adam(ADAM_STEPS, 0.02)
+    best.run_lbfgs(LBFGS_STEPS)
+    return {key: value.numpy() for key, value in best.best.items()}
+
+
+def initial_arrays(records: Sequence[Record], scaling: Scaling, seed: int) -> dict[str, Any]:
+    """Return random initial values; the output starts as the best polynomial of the warped input."""
+    rng = np.random.default_rng(seed)
+    thresholds = 0.9 * (np.arange(PLAYS) / (PLAYS - 1)) ** 1.5
+    u = np.concatenate([scaling.warp(scaling.scale_input(record.input)) for record in records])
+    y = np.concatenate([scaling.scale_output(record.output) for record in records])
+    known = np.isfinite(y)
+    square, slope, offset = np.polyfit(u[known], y[known], 2)
+    arrays = {
+        "log_increments": np.log(np.diff(thresholds)),
+        "rest": scaling.warp(np.array([scaling.zero_input])),
+        "log_weight": rng.normal(np.log(2.0 / PLAYS), 0.7, (PLAYS, HIDDEN)),
+        "bias": rng.uniform(-1.5, 1.5, HIDDEN),
+        "log_out": rng.normal(np.log(0.5 / HIDDEN), 0.3, HIDDEN),
+        "log_direct": np.full(PLAYS, np.log(0.3 / PLAYS)),
+        "output": np.array([offset, slope, square]),
+    }
+    if scaling.time_step > 0.0:
+        for key in ("before", "behind"):
+            arrays |= {
+                f"log_rate_{key}": rng.uniform(np.log(0.01), np.log(1.0), FILTERS),
+                f"quality_{key}": rng.uniform(0.0, 1.0, FILTERS),
+                f"gain_{key}": rng.normal(0.0, 0.05, (2, FILTERS)),
+            }
+    return arrays
+
+
+class _Losses:
+    """Losses of training and validation over all records."""
+
+    def __init__(self, records: Sequence[Record], scaling: Scaling) -> None:
+        import torch
+
+        inputs: list[FloatArray] = []
+        steps: list[FloatArray] = []
+        columns: list[FloatArray] = []
+        bounds = []
+        for record in records:
+            u, step = scaled_path(record, scaling)
+            skipped = record.input.size * (LEAD_IN_CYCLES - 1) if record.history == "settled" else 0
+            u = u[skipped:]
+            start = sum(part.size for part in inputs)
+            bounds.append((start, start + u.size))
+            inputs.append(u)
+            steps.append(np.zeros(u.size) if step is None else step[skipped:])
+            parts = [part * range_weight(record, scaling) for part in split(record)]
+            own = np.stack([np.nan_to_num(scaling.scale_output(record.output)), *parts])
+            columns.append(np.pad(own, ((0, 0), (u.size - own.shape[1], 0))))
+        output, training, validation = np.concatenate(columns, axis=1)
+        self._bounds = bounds
+        self._input = torch.tensor(np.concatenate(inputs))
+        self._steps = torch.tensor(np.concatenate(steps)) if scaling.time_step > 0.0 else None
+        self._output = torch.tensor(output)
+        self._training = torch.tensor(training / training.sum())
+        self._validation = torch.tensor(validation / validation.sum())
+
+    def __call__(self, parameters: Tensors) -> tuple[Any, Any]:
+        import torch
+
+        predicted = run_network(torch, parameters, self._input, self._steps, self._bounds)
+        squared = (predicted - self._output) ** 2
+        roughness = (2.0 * parameters["log_weight"]).exp().sum()
+        return (
+            (self._training * squared).sum() + SMOOTHNESS_WEIGHT * roughness,
+            (self._validation * squared).sum(),
+        )
