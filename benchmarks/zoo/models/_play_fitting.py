@@ -15,8 +15,8 @@ from .play_network import FILTERS, HIDDEN, PLAYS, run_network, scaled_path
 
 SEEDS = 3
 TRIAL_STEPS = 100
-ADAM_STEPS = 250
-LBFGS_STEPS = 500
+ADAM_STEPS = 400
+LBFGS_STEPS = 800
 SMOOTHNESS_WEIGHT = 1e-8
 """Weight of the sum of squared weights, which are the slopes of the network."""
 
@@ -55,7 +55,7 @@ def initial_arrays(records: Sequence[Record], scaling: Scaling, seed: int) -> di
     if scaling.time_step > 0.0:
         for key in ("before", "behind"):
             arrays |= {
-                f"log_rate_{key}": rng.uniform(np.log(0.01), np.log(1.0), FILTERS),
+                f"log_rate_{key}": rng.uniform(np.log(0.003), np.log(3.0), FILTERS),
                 f"quality_{key}": rng.uniform(0.0, 1.0, FILTERS),
                 f"gain_{key}": rng.normal(0.0, 0.05, (2, FILTERS)),
             }
@@ -84,17 +84,19 @@ class _Losses:
             own = np.stack([np.nan_to_num(scaling.scale_output(record.output)), *parts])
             columns.append(np.pad(own, ((0, 0), (u.size - own.shape[1], 0))))
         output, training, validation = np.concatenate(columns, axis=1)
+        rows = np.flatnonzero(training + validation)
         self._bounds = bounds
         self._input = torch.tensor(np.concatenate(inputs))
         self._steps = torch.tensor(np.concatenate(steps)) if scaling.time_step > 0.0 else None
-        self._output = torch.tensor(output)
-        self._training = torch.tensor(training / training.sum())
-        self._validation = torch.tensor(validation / validation.sum())
+        self._rows = rows
+        self._output = torch.tensor(output[rows])
+        self._training = torch.tensor(training[rows] / training.sum())
+        self._validation = torch.tensor(validation[rows] / validation.sum())
 
     def __call__(self, parameters: Tensors) -> tuple[Any, Any]:
         import torch
 
-        predicted = run_network(torch, parameters, self._input, self._steps, self._bounds)
+        predicted = run_network(torch, parameters, self._input, self._steps, self._bounds, self._rows)
         squared = (predicted - self._output) ** 2
         roughness = (2.0 * parameters["log_weight"]).exp().sum()
         return (

@@ -38,7 +38,7 @@ PLAYS = 12
 HIDDEN = 20
 """Number of hidden neurons."""
 
-FILTERS = 2
+FILTERS = 3
 """Number of linear filters before the play operators, and of those behind the network."""
 
 
@@ -54,7 +54,7 @@ class PlayNetwork(LearnedModel):
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
         u, steps = scaled_path(record, self._scaling)
-        scaled: FloatArray = run_network(np, self._arrays, u, steps, [(0, u.size)])
+        scaled: FloatArray = run_network(np, self._arrays, u, steps, [(0, u.size)], np.arange(u.size))
         return record.path.cut(self._scaling.output_of(scaled))
 
     def _train(self, records: Sequence[Record]) -> Arrays:
@@ -70,9 +70,9 @@ def scaled_path(record: Record, scaling: Scaling) -> tuple[FloatArray, FloatArra
 
 
 def run_network(
-    xp: ModuleType, arrays: Any, u: Any, steps: Any | None, bounds: Sequence[tuple[int, int]]
+    xp: ModuleType, arrays: Any, u: Any, steps: Any | None, bounds: Sequence[tuple[int, int]], rows: Any
 ) -> Any:
-    """Return the scaled output along paths that follow one another.
+    """Return the scaled output at some samples of paths that follow one another.
 
     Parameters
     ----------
@@ -84,14 +84,18 @@ def run_network(
         Warped input, and time steps or ``None``, shape (n,).
     bounds
         First sample and end of each path.
+    rows
+        Samples whose output is returned.
     """
     if steps is not None:
         u = u + run_filters(xp, arrays, "before", u, steps, bounds)
     thresholds = threshold_values(xp, arrays)
     places, signs = play_places(_plain(u), _plain(thresholds), float(_plain(arrays["rest"])[0]), bounds)
-    z = monotone_network(xp, arrays, play_values(xp, u, thresholds, arrays["rest"], places, signs))
-    if steps is not None:
-        z = z + run_filters(xp, arrays, "behind", z, steps, bounds)
+    if steps is None:
+        z = monotone_network(xp, arrays, play_values(xp, u, thresholds, arrays["rest"], places[rows], signs[rows]))
+    else:
+        z = monotone_network(xp, arrays, play_values(xp, u, thresholds, arrays["rest"], places, signs))
+        z = (z + run_filters(xp, arrays, "behind", z, steps, bounds))[rows]
     offset, slope, square = arrays["output"]
     return offset + slope * z + square * z * z
 
