@@ -7,6 +7,7 @@ A closed cycle is repeated before it is recorded. Only training records have sen
 from __future__ import annotations
 
 import csv
+import itertools
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -65,7 +66,7 @@ def make_ramps(points: Sequence[float] | FloatArray, samples_per_unit: float) ->
     """Return straight ramps between reversal points, without the last point."""
     pieces = [
         np.linspace(start, end, max(1, round(abs(end - start) * samples_per_unit)), endpoint=False)
-        for start, end in zip(points[:-1], points[1:], strict=True)
+        for start, end in itertools.pairwise(points)
     ]
     return np.concatenate(pieces)
 

@@ -1,12 +1,12 @@
 """Piezo stack with creep: relays with thermal activation and distributed thresholds.
 
 This is the homogenised energy model of ferroelectrics (Smith, Seelecke, Dapino, Ounaies, J. Mech.
-Phys. Solids 54, 2006), with energy barriers that decrease linearly with the field. A dipole switches up with the rate ``exp(-(V_c - V_e)/V_a)/tau`` and down with
-``exp(-(V_c + V_e)/V_a)/tau``, at most ``1/tau``, where the effective voltage ``V_e`` is the voltage
-plus an interaction voltage. The coercive voltage ``V_c`` is log-normal and the interaction voltage
-is normal. Creep is the activated switching of dipoles near their threshold. It is almost logarithmic
-in time, and it depends on the voltage and its history. The displacement is a linear part plus the
-part of the dipoles.
+Phys. Solids 54, 2006), with energy barriers that decrease linearly with the field. A dipole switches
+up with the rate ``exp(-(V_c - V_e)/V_a)/tau`` and down with ``exp(-(V_c + V_e)/V_a)/tau``, at most
+``1/tau``, where the effective voltage ``V_e`` is the voltage plus an interaction voltage. The coercive
+voltage ``V_c`` is log-normal and the interaction voltage is normal. Creep is the activated switching
+of dipoles near their threshold. It is almost logarithmic in time, and it depends on the voltage and
+its history. The displacement is a linear part plus the part of the dipoles.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def respond(drive: Drive) -> FloatArray:
 def make_triangles(points: list[float], duration: float, samples_per_unit: float = 100) -> Drive:
     """Return a closed cycle of ramps with a constant speed; the points are relative to the largest voltage."""
     share = make_ramps(points, samples_per_unit)
-    return Drive(LARGEST_V * share, None, np.arange(share.size) * duration / share.size)
+    return Drive(LARGEST_V * share, None, np.arange(share.size) * (duration / share.size))
 
 
 def make_holds(voltages: list[float], hold_s: float, sample_s: float) -> Drive:
@@ -80,7 +80,7 @@ def make_random(seed: int, reversals: int, samples: int, duration: float) -> Dri
     lengths = np.column_stack([ramps, holds[1:]]).ravel()
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     values = np.concatenate([[0.0], np.repeat(points[1:], 2)])
-    time = duration * np.arange(samples) / samples
+    time = np.arange(samples) * (duration / samples)
     return Drive(LARGEST_V * np.interp(time, duration * ends / ends[-1], values), None, time)
 
 

@@ -17,6 +17,8 @@ from scipy.interpolate import CubicHermiteSpline
 from anhyst.support.units import MU_0
 from flux_irons import Saturation
 
+from ...records import FloatArray
+
 _KNOTS = 4001
 _MAX_FIELD = 1e6  # A/m
 
@@ -32,10 +34,10 @@ def _make_product_integral(centre: float, width: float) -> CubicHermiteSpline:
     half = 0.5 * (position[1] - position[0])
     inner = (position[:-1] + half)[:, None] + half * nodes
 
-    def integrand(place: np.ndarray) -> np.ndarray:
+    def integrand(place: FloatArray) -> FloatArray:
         field = width * np.sinh(place)
         density = 1.0 / (1.0 + ((field - centre) / width) ** 2)
-        return density * np.arctan((field + centre) / width) * width * np.cosh(place)
+        return np.asarray(density * np.arctan((field + centre) / width) * width * np.cosh(place))
 
     value = np.concatenate([[0.0], np.cumsum(half * (integrand(inner) @ weights))])
     return CubicHermiteSpline(position, value, integrand(position))
@@ -88,7 +90,7 @@ class RelayIron:
             del reversals[-2:]
         if not reversals or (len(reversals) == 1 and abs(field) >= abs(reversals[0][0])):
             value, slope = self._find_change(abs(field), -abs(field))
-            return sign * value, 2.0 * slope, []
+            return math.copysign(value, field), 2.0 * slope, []
         start, polarisation = reversals[-1]
         value, slope = self._find_change(max(sign * start, sign * field), min(sign * start, sign * field))
         return polarisation + 2.0 * sign * value, 2.0 * slope, reversals

@@ -15,7 +15,7 @@ from ...records import FloatArray
 from .drives import Drive, System
 
 CONDUCTIVITY = 1.7e6  # S/m
-HALF_THICKNESS_M = 4e-3
+HALF_THICKNESS_M = 3.2e-3
 CURRENT_A = 4.0
 GAPS_M = (0.2e-3, 0.4e-3, 0.8e-3)
 RATES_HZ = (0.5, 5.0, 50.0)
