@@ -117,7 +117,7 @@ def test_piezo_loses_energy_and_creeps_with_the_logarithm_of_time(monkeypatch: p
     cycle = piezo.make_triangles([0.0, 1.0, 0.0], 1.0, 60)
     displacement = piezo.respond(cycle.repeat(2))[-cycle.input.size :]
     assert compute_loss(cycle.input, displacement) > 0.02 * np.ptp(cycle.input) * np.ptp(displacement)
-    time = 0.1 * np.arange(1002)
+    time = 0.1 * np.arange(1002, dtype=float)
     held = piezo.respond(Drive(np.where(time > 0.0, 80.0, 0.0), None, time))
     per_decade = np.diff(held[[2, 11, 101, 1001]])
     assert np.min(per_decade) > 0.5 * np.max(per_decade) > 0.0

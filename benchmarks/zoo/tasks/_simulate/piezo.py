@@ -61,14 +61,14 @@ def respond(drive: Drive) -> FloatArray:
 def make_triangles(points: list[float], duration: float, samples_per_unit: float = 100) -> Drive:
     """Return a closed cycle of ramps with a constant speed; the points are relative to the largest voltage."""
     share = make_ramps(points, samples_per_unit)
-    return Drive(LARGEST_V * share, None, np.arange(share.size) * (duration / share.size))
+    return Drive(LARGEST_V * share, None, np.arange(share.size, dtype=float) * (duration / share.size))
 
 
 def make_holds(voltages: list[float], hold_s: float, sample_s: float) -> Drive:
     """Return a closed staircase whose steps take one sample."""
     count = round(hold_s / sample_s)
     voltage = np.repeat(voltages, count)
-    return Drive(voltage, None, sample_s * np.arange(voltage.size))
+    return Drive(voltage, None, sample_s * np.arange(voltage.size, dtype=float))
 
 
 def make_random(seed: int, reversals: int, samples: int, duration: float) -> Drive:
@@ -80,7 +80,7 @@ def make_random(seed: int, reversals: int, samples: int, duration: float) -> Dri
     lengths = np.column_stack([ramps, holds[1:]]).ravel()
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     values = np.concatenate([[0.0], np.repeat(points[1:], 2)])
-    time = np.arange(samples) * (duration / samples)
+    time = np.arange(samples, dtype=float) * (duration / samples)
     return Drive(LARGEST_V * np.interp(time, duration * ends / ends[-1], values), None, time)
 
 
