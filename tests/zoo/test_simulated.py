@@ -58,6 +58,14 @@ def test_slow_bouc_wen_is_the_limit_of_the_dynamic_one() -> None:
     assert np.max(np.abs(dynamic - slow)) < 1e-3 * np.ptp(slow)
 
 
+def test_slow_bouc_wen_settles_to_a_loop_that_loses_energy() -> None:
+    cycle = Drive(bouc_wen.SLOW_FORCE_N * make_ramps([0.0, 1.0, -1.0, 0.0], 20))
+    cycles = bouc_wen.respond_slowly(cycle.repeat(30)).reshape(30, -1)
+    change = float(np.max(np.abs(cycles[-1] - cycles[-2])))
+    assert change < 1e-6 * np.ptp(cycles[-1])
+    assert compute_loss(cycle.input, cycles[-1]) > 0.02 * np.ptp(cycle.input) * np.ptp(cycles[-1])
+
+
 def test_iron_of_preisach_agrees_with_its_relays() -> None:
     centre, width, count = 260.0, 130.0, 500
     quantiles = (np.arange(count) + 0.5) / count
