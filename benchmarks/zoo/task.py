@@ -106,7 +106,9 @@ def read_task(name: str) -> Task:
 
 
 def _load(folder: Path) -> list[Record]:
-    spec = importlib.util.spec_from_file_location(f"load_{folder.name}", folder / "load.py")
+    spec = importlib.util.spec_from_file_location(
+        f"{__package__}.tasks.{folder.name}.load", folder / "load.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
