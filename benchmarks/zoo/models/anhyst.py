@@ -18,7 +18,7 @@ from anhyst.identification import identify
 from anhyst.laws import LAWS
 from anhyst.model.actuator import Model as IdentifiedModel
 from anhyst.support.errors import InputError
-from anhyst.support.units import QUANTITIES, Quantity
+from anhyst.support.units import Quantity, parse_header
 
 from ..model import Factory, Refusal
 from ..records import FloatArray, Record
@@ -27,24 +27,30 @@ DEFAULT = "anhyst"
 
 
 class AnhystModel:
-    """A model that `anhyst.identify` finds, with one law or with the law that it selects."""
+    """A model that `anhyst.identify` finds, with one law or with the law that it selects.
+
+    Headers with units are read as those of a file, so that values are in SI.
+    """
 
     def __init__(self, law: str) -> None:
         self._law = law
         self._model: IdentifiedModel | None = None
+        self._columns: tuple[Column, Column, Column | None]
 
     def fit(self, records: Sequence[Record]) -> None:
         """Identify the model with default settings."""
-        quantities = [_read_quantity(header) if header else None for header in records[0].quantities]
-        drive, output, schedule = quantities
-        assert drive is not None
-        assert output is not None
+        drive, output, schedule = records[0].quantities
+        self._columns = Column(drive), Column(output), Column(schedule) if schedule else None
+        loops = Loops(
+            tuple(map(self._make_loop, records)),
+            self._columns[0].quantity,
+            self._columns[1].quantity,
+            None if self._columns[2] is None else self._columns[2].quantity,
+        )
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                result = identify(
-                    Loops(tuple(map(_make_loop, records)), drive, output, schedule), law=self._law
-                )
+                result = identify(loops, law=self._law)
         except InputError as error:
             raise Refusal(str(error)) from error
         if result.rejection:
@@ -53,21 +59,26 @@ class AnhystModel:
 
     def predict(self, record: Record) -> FloatArray:
         """Return the output of the identified model."""
+        drive, output, _ = self._columns
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             prediction = self._identified.predict(
-                record.input, record.schedule, record.time, History.parse(record.history)
+                drive.to_si(record.input), self._schedule(record), record.time, History.parse(record.history)
             )
-        return prediction.output
+        return output.from_si(prediction.output)
 
     def invert(self, record: Record) -> FloatArray:
         """Return the input from the exact inverse of the model."""
+        drive, output, _ = self._columns
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             prediction = self._identified.invert(
-                record.output, record.schedule, record.time, History.parse(record.history)
+                output.to_si(record.output),
+                self._schedule(record),
+                record.time,
+                History.parse(record.history),
             )
-        return prediction.drive
+        return drive.from_si(prediction.drive)
 
     def n_parameters(self) -> int:
         """Return how many numbers the model file contains for the law and its maps."""
@@ -78,18 +89,38 @@ class AnhystModel:
         assert self._model is not None, "fit first"
         return self._model
 
+    def _schedule(self, record: Record) -> FloatArray | None:
+        column = self._columns[2]
+        return None if column is None or record.schedule is None else column.to_si(record.schedule)
 
-def _read_quantity(header: str) -> Quantity:
-    """Return the quantity of a header such as ``I (A)``."""
-    symbol, _, unit = header.rstrip(")").partition(" (")
-    known = {quantity.symbol: quantity for quantity in QUANTITIES.values()}
-    return known.get(symbol, Quantity(symbol, symbol, unit))
+    def _make_loop(self, record: Record) -> Loop:
+        drive, output, _ = self._columns
+        return Loop(
+            record.name,
+            drive.to_si(record.input),
+            output.to_si(record.output),
+            self._schedule(record),
+            record.time,
+            History.parse(record.history),
+        )
 
 
-def _make_loop(record: Record) -> Loop:
-    return Loop(
-        record.name, record.input, record.output, record.schedule, record.time, History.parse(record.history)
-    )
+class Column:
+    """A quantity of a task, with its conversion to SI."""
+
+    def __init__(self, text: str) -> None:
+        header = parse_header(text)
+        self.quantity = header.quantity or Quantity(header.name, header.name, header.stated or "1")
+        zero, one = header.to_si(np.array([0.0, 1.0])) if header.unit else (0.0, 1.0)
+        self._offset, self._factor = float(zero), float(one - zero)
+
+    def to_si(self, values: FloatArray) -> FloatArray:
+        """Convert values of the task to SI."""
+        return values * self._factor + self._offset
+
+    def from_si(self, values: FloatArray) -> FloatArray:
+        """Convert SI values to those of the task."""
+        return (values - self._offset) / self._factor
 
 
 MODELS: Mapping[str, Factory] = {
