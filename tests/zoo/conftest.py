@@ -1,4 +1,4 @@
-"""Let the tests of this folder import the open benchmark as ``zoo``."""
+"""Add the folder of benchmarks to the search path, so that tests import the open benchmark."""
 
 from __future__ import annotations
 

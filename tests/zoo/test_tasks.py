@@ -76,14 +76,14 @@ def test_records_agree_with_task_file(task: Task) -> None:
 
 @pytest.mark.parametrize("task", TASKS, indirect=True)
 def test_training_has_no_scored_samples(task: Task) -> None:
-    known = {window for record in task.training for window in list_windows(record)}
+    fitted = {window for record in task.training for window in list_windows(record)}
     scored = {
         window
         for record in task.test
         for window, is_scored in zip(list_windows(record), list_scored_windows(record), strict=True)
         if is_scored
     }
-    assert not known & scored
+    assert not fitted & scored
 
 
 def list_windows(record: Record) -> list[bytes]:
@@ -95,7 +95,7 @@ def list_windows(record: Record) -> list[bytes]:
 
 
 def list_scored_windows(record: Record) -> list[bool]:
-    """Return whether all samples of each run are scored."""
+    """Return for each run of samples whether it is scored completely."""
     windows = np.lib.stride_tricks.sliding_window_view(record.scored, WINDOW_SAMPLES)
     return [bool(window.all()) for window in windows]
 

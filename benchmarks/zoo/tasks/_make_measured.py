@@ -2,9 +2,9 @@
 
     python -m benchmarks.zoo.tasks._make_measured
 
-The folder of measurements has the files (``ANHYST_DATA``, see ``measurement_folder``). Each number is
-copied as it is written there. The only changes are that records are cut and thinned, and that the last
-sample of a cycle is removed if it repeats the first one. The ``task.toml`` of a task states its rule.
+The variable ``ANHYST_DATA`` names the folder of measurements. The script copies the text of each number
+without a change. It cuts and thins records, and removes the last sample of a cycle if it repeats the
+first sample. The file ``task.toml`` of a task states these changes and the split.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MAX_SAMPLES_PER_LOOP = 300
 """A longer loop is thinned to every second, third ... sample until it has no more samples than this."""
 
 M400_MAX_FIELD = 9500.0
-"""Field at which the branches of the M400-50A table end, A/m: beyond it, the table is an extrapolation."""
+"""Tip of the M400-50A loop, A/m. The branches of the table meet there, and few samples have more field."""
 
 PIEZO_START_S = 0.1
 """Start of the piezo records, s: the output before it responds to a switch-on that is not recorded."""
@@ -43,11 +43,11 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class Block:
-    """Fields of one branch whose samples are withheld, A/m, both ends included."""
+    """Range of field on a branch whose samples are withheld, A/m. The range includes both ends."""
 
     branch: Literal["falling", "rising"]
-    low: float
-    high: float
+    H_min: float
+    H_max: float
 
 
 M270_BLOCKS = (
@@ -87,7 +87,7 @@ def is_withheld(loop: Sequence[Sample], blocks: Sequence[Block]) -> list[bool]:
     reversal = field.index(min(field))
     branches = ["falling" if number < reversal else "rising" for number in range(len(field))]
     return [
-        any(block.branch == branch and block.low <= H <= block.high for block in blocks)
+        any(block.branch == branch and block.H_min <= H <= block.H_max for block in blocks)
         for H, branch in zip(field, branches, strict=True)
     ]
 
@@ -125,7 +125,7 @@ def make_steel_m270(folder: Path) -> None:
 
 
 def make_steel_m400(folder: Path) -> None:
-    """M400-50A: the table up to the field at which its branches meet."""
+    """M400-50A: the table up to the field where the branches meet."""
     (table,) = read_loops(folder / "steels_modelica" / "m400_50a_50kA.csv", "", ("H_A_per_m", "B_T"))
     loop = [sample for sample in table if abs(float(sample.input)) <= M400_MAX_FIELD]
     tip = loop.index(min(loop, key=lambda sample: float(sample.input)))
@@ -178,7 +178,7 @@ MAKERS: tuple[Callable[[Path], None], ...] = (
 
 
 def main() -> None:
-    """Write the records of all tasks of this file."""
+    """Write the records of each task in this file."""
     for make in MAKERS:
         make(measurement_folder())
 

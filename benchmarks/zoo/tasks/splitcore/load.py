@@ -31,13 +31,13 @@ def load(folder: Path) -> list[Record]:
         rows = list(csv.DictReader(stream))
     records = []
     for gap, (start, end) in CYCLES.items():
-        own = [row for row in rows if row["gap_mm"] == gap][start:end]
+        cycles = [row for row in rows if row["gap_mm"] == gap][start:end]
         records.append(
             Record(
                 f"gap-{round(1000 * float(gap))}um",
-                np.array([float(row["I_A_scaled"]) for row in own]),
-                np.array([float(row["U_M_V"]) for row in own]),
-                np.full(len(own), 0.001 * float(gap)),
+                np.array([float(row["I_A_scaled"]) for row in cycles]),
+                np.array([float(row["U_M_V"]) for row in cycles]),
+                np.full(len(cycles), 0.001 * float(gap)),
             )
         )
     return records
