@@ -54,8 +54,8 @@ def test_slow_bouc_wen_is_the_limit_of_the_dynamic_one() -> None:
     steps = 20000
     force = 100.0 * np.sin(3.0 * np.pi * np.arange(2 * steps + 1) / (2 * steps)) ** 3
     dynamic = bouc_wen.integrate(force, 1.0 / 5000.0)[::50]
-    slow = bouc_wen.respond_slowly(Drive(force[: 2 * steps : 100]))
-    assert np.max(np.abs(dynamic - slow)) < 1e-3 * np.ptp(slow)
+    quasi_static = bouc_wen.respond_slowly(Drive(force[: 2 * steps : 100]))
+    assert np.max(np.abs(dynamic - quasi_static)) < 1e-3 * np.ptp(quasi_static)
 
 
 def test_slow_bouc_wen_settles_to_a_loop_that_loses_energy() -> None:
@@ -93,8 +93,8 @@ def test_iron_of_preisach_closes_minor_loops_and_knows_its_slope() -> None:
         iron.commit(field)
     assert iron.find_density(300.0)[0] == pytest.approx(before, abs=1e-12)
     for field in (150.0, 400.0, 700.0):
-        below, above = iron.find_density(field - 0.01)[0], iron.find_density(field + 0.01)[0]
-        assert iron.find_density(field)[1] == pytest.approx((above - below) / 0.02, rel=1e-4)
+        density_below, density_above = iron.find_density(field - 0.01)[0], iron.find_density(field + 0.01)[0]
+        assert iron.find_density(field)[1] == pytest.approx((density_above - density_below) / 0.02, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", MAGNETS)
@@ -114,8 +114,8 @@ def test_solid_magnet_opens_its_loop_with_speed() -> None:
     for rate in solid.RATES_HZ:
         cycle = solid.make_cycle(rate, solid.GAPS_M[0])
         force = solid.respond(cycle.repeat(2))[-cycle.input.size :]
-        half = cycle.input.size // 2
-        widths.append(float(np.max(force[half + 1 :][::-1] - force[1:half])))
+        half_cycle = cycle.input.size // 2
+        widths.append(float(np.max(force[half_cycle + 1 :][::-1] - force[1:half_cycle])))
     assert widths == sorted(widths)
     assert widths[-1] > 2.0 * widths[0]
 
@@ -126,8 +126,8 @@ def test_piezo_loses_energy_and_creeps_with_the_logarithm_of_time(monkeypatch: p
     displacement = piezo.respond(cycle.repeat(2))[-cycle.input.size :]
     assert compute_loss(cycle.input, displacement) > 0.02 * np.ptp(cycle.input) * np.ptp(displacement)
     time = 0.1 * np.arange(1002, dtype=float)
-    held = piezo.respond(Drive(np.where(time > 0.0, 80.0, 0.0), None, time))
-    per_decade = np.diff(held[[2, 11, 101, 1001]])
+    displacement_held = piezo.respond(Drive(np.where(time > 0.0, 80.0, 0.0), None, time))
+    per_decade = np.diff(displacement_held[[2, 11, 101, 1001]])
     assert np.min(per_decade) > 0.5 * np.max(per_decade) > 0.0
 
 

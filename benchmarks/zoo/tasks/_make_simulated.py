@@ -1,6 +1,7 @@
-"""Make the records of the simulated tasks: from ``benchmarks``, ``python -m zoo.tasks._make_simulated``.
+"""Make the records of the simulated tasks.
 
-Names of tasks may follow; otherwise, all simulated tasks are made.
+The command ``python -m zoo.tasks._make_simulated`` runs in the folder ``benchmarks``. It makes the
+tasks that are named after it, or all simulated tasks.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SYSTEMS: dict[str, Callable[[], System]] = {
 
 
 def main(names: list[str]) -> None:
-    """Write ``records.csv`` of each named task."""
+    """Write ``records.csv`` of the named tasks."""
     for name in names or list(SYSTEMS):
         write_records(FOLDER / name / "records.csv", simulate_records(FOLDER / name, SYSTEMS[name]()))
 

@@ -15,7 +15,7 @@ import numpy as np
 from ...records import FloatArray
 from .drives import Drive, System, make_ramps
 
-MASS = 2.0  # kg
+MASS_KG = 2.0
 DAMPING = 10.0  # N s/m
 STIFFNESS = 5e4  # N/m
 ALPHA = 5e4  # N/m
@@ -44,7 +44,7 @@ def find_rates(state: tuple[float, float, float], force: float) -> tuple[float, 
     y, v, z = state
     return (
         v,
-        (force - DAMPING * v - STIFFNESS * y - z) / MASS,
+        (force - DAMPING * v - STIFFNESS * y - z) / MASS_KG,
         ALPHA * v - BETA * (GAMMA * abs(v) * z + DELTA * v * abs(z)),
     )
 
@@ -54,13 +54,13 @@ def integrate(force: FloatArray, step: float) -> FloatArray:
     y = v = z = 0.0
     values = force.tolist()
     displacement = np.empty(len(values) // 2)
-    half = 0.5 * step
+    half_step = 0.5 * step
     for index in range(displacement.size):
         displacement[index] = y
         start, middle, end = values[2 * index : 2 * index + 3]
         k1 = find_rates((y, v, z), start)
-        k2 = find_rates((y + half * k1[0], v + half * k1[1], z + half * k1[2]), middle)
-        k3 = find_rates((y + half * k2[0], v + half * k2[1], z + half * k2[2]), middle)
+        k2 = find_rates((y + half_step * k1[0], v + half_step * k1[1], z + half_step * k1[2]), middle)
+        k3 = find_rates((y + half_step * k2[0], v + half_step * k2[1], z + half_step * k2[2]), middle)
         k4 = find_rates((y + step * k3[0], v + step * k3[1], z + step * k3[2]), end)
         y, v, z = (
             old + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
@@ -83,9 +83,9 @@ def make_multisine(samples: int, seed: int) -> FloatArray:
 def make_sweep() -> FloatArray:
     """Return the linear sine sweep, N; it ends with a complete period."""
     time = np.arange(SWEEP_SAMPLES) / RATE_HZ
-    low, high = SWEEP_BAND_HZ
-    slope = (high - low) * RATE_HZ / SWEEP_SAMPLES
-    return np.asarray(SWEEP_N * np.sin(2.0 * np.pi * time * (low + 0.5 * slope * time)))
+    start_rate, end_rate = SWEEP_BAND_HZ
+    slope = (end_rate - start_rate) * RATE_HZ / SWEEP_SAMPLES
+    return np.asarray(SWEEP_N * np.sin(2.0 * np.pi * time * (start_rate + 0.5 * slope * time)))
 
 
 def respond_dynamically(drive: Drive) -> FloatArray:

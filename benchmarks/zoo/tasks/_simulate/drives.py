@@ -1,6 +1,6 @@
 """Drives of simulated tasks, and the records that a simulated system gives along them.
 
-The file ``task.toml`` of a task says which records are closed cycles and which are for training.
+The file ``task.toml`` of a task lists which records are closed cycles and which are for training.
 A closed cycle is repeated before it is recorded. Only training records have sensor noise.
 """
 
@@ -25,7 +25,7 @@ MAX_CYCLE_CHANGE = 3e-4
 
 @dataclass(frozen=True)
 class Drive:
-    """Input, schedule and time of one record."""
+    """Input, schedule and time of a record."""
 
     input: FloatArray
     schedule: FloatArray | None = None
@@ -72,7 +72,7 @@ def make_ramps(points: Sequence[float] | FloatArray, samples_per_unit: float) ->
 
 
 def simulate_records(folder: Path, system: System) -> dict[str, tuple[Drive, FloatArray]]:
-    """Return drive and output of all records of a task.
+    """Return the drive and the output of each record, by its name.
 
     Raises
     ------
@@ -101,8 +101,8 @@ def simulate_records(folder: Path, system: System) -> dict[str, tuple[Drive, Flo
 
 def write_records(file: Path, records: Mapping[str, tuple[Drive, FloatArray]]) -> None:
     """Write the records of a task with 9 significant digits."""
-    first = next(iter(records.values()))[0]
-    optional = {"schedule": first.schedule, "time": first.time}
+    first_drive, _ = next(iter(records.values()))
+    optional = {"schedule": first_drive.schedule, "time": first_drive.time}
     names = [name for name, values in optional.items() if values is not None]
     with file.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")

@@ -117,8 +117,8 @@ def _drive_moving(magnet: Magnet, points: Sequence[float], turns: tuple[int, int
     current = magnet.current_max * make_ramps(points, SAMPLES_PER_UNIT)
     phase = 2.0 * np.pi * np.arange(current.size) / current.size
     place = 0.5 + 0.3 * np.sin(turns[0] * phase) + 0.18 * np.sin(turns[1] * phase + 1.0)
-    low, high = magnet.gap_range
-    return Drive(current, low * (high / low) ** place)
+    smallest, largest = magnet.gap_range
+    return Drive(current, smallest * (largest / smallest) ** place)
 
 
 def make_preisach_system() -> System:

@@ -72,7 +72,7 @@ def make_holds(voltages: list[float], hold_s: float, sample_s: float) -> Drive:
 
 
 def make_random(seed: int, reversals: int, samples: int, duration: float) -> Drive:
-    """Return a closed cycle of ramps between random voltages, some with a hold after the ramp."""
+    """Return a closed cycle of ramps between random voltages, with a hold after some of them."""
     rng = np.random.default_rng(seed)
     points = np.concatenate([[0.0, 1.0], rng.random(reversals), [0.0]])
     holds = np.where(rng.random(points.size) < 0.35, rng.uniform(0.2, 1.5, points.size), 0.0)

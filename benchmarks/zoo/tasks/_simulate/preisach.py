@@ -31,15 +31,15 @@ def _make_product_integral(centre: float, width: float) -> CubicHermiteSpline:
     """
     position = np.linspace(-1.0, 1.0, _KNOTS) * math.asinh(_MAX_FIELD / width)
     nodes, weights = np.polynomial.legendre.leggauss(5)
-    half = 0.5 * (position[1] - position[0])
-    inner = (position[:-1] + half)[:, None] + half * nodes
+    half_step = 0.5 * (position[1] - position[0])
+    place_nodes = (position[:-1] + half_step)[:, None] + half_step * nodes
 
     def integrand(place: FloatArray) -> FloatArray:
         field = width * np.sinh(place)
         density = 1.0 / (1.0 + ((field - centre) / width) ** 2)
         return np.asarray(density * np.arctan((field + centre) / width) * width * np.cosh(place))
 
-    value = np.concatenate([[0.0], np.cumsum(half * (integrand(inner) @ weights))])
+    value = np.concatenate([[0.0], np.cumsum(half_step * (integrand(place_nodes) @ weights))])
     return CubicHermiteSpline(position, value, integrand(position))
 
 
@@ -67,16 +67,16 @@ class RelayIron:
         self._polarisation = 0.0
         self.field = 0.0
 
-    def _find_change(self, high: float, low: float) -> tuple[float, float]:
+    def _find_change(self, upper: float, lower: float) -> tuple[float, float]:
         """Return half the change between two fields, T, and its slope over the upper one, H/m."""
         width, centre = self._width, self._centre
-        lower = math.atan((low + centre) / width)
-        part = math.atan((high - centre) / width) - math.atan((low - centre) / width)
+        lower_angle = math.atan((lower + centre) / width)
+        part = math.atan((upper - centre) / width) - math.atan((lower - centre) / width)
         between = (
-            float(self._product(math.asinh(high / width)) - self._product(math.asinh(low / width)))
-            - width * part * lower
+            float(self._product(math.asinh(upper / width)) - self._product(math.asinh(lower / width)))
+            - width * part * lower_angle
         )
-        slope = (math.atan((high + centre) / width) - lower) / (1.0 + ((high - centre) / width) ** 2)
+        slope = (math.atan((upper + centre) / width) - lower_angle) / (1.0 + ((upper - centre) / width) ** 2)
         return self._scale * between, self._scale * slope
 
     def _move(self, field: float) -> tuple[float, float, list[tuple[float, float]]]:
@@ -98,8 +98,8 @@ class RelayIron:
     def find_density(self, field: float) -> tuple[float, float]:
         """Return flux density, T, and its slope, H/m, of a trial step."""
         relays, slope, _ = self._move(field)
-        free, free_slope = self._reversible.at(field)
-        return relays + free + MU_0 * field, slope + free_slope + MU_0
+        reversible, reversible_slope = self._reversible.at(field)
+        return relays + reversible + MU_0 * field, slope + reversible_slope + MU_0
 
     def commit(self, field: float) -> None:
         """Move to a field."""

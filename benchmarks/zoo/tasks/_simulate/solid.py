@@ -77,15 +77,15 @@ def respond(drive: Drive) -> FloatArray:
     return force[SUBSTEPS - 1 :: SUBSTEPS]
 
 
-def make_cycle(rate: float, gap: float, low: float = 0.0, high: float = 1.0) -> Drive:
+def make_cycle(rate: float, gap: float, start: float = 0.0, end: float = 1.0) -> Drive:
     """Return a triangle between fractions of the largest current."""
     phase = np.arange(SAMPLES_PER_CYCLE) / SAMPLES_PER_CYCLE
-    current = CURRENT_A * (low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0)))
+    current = CURRENT_A * (start + (end - start) * (1.0 - np.abs(2.0 * phase - 1.0)))
     return Drive(current, np.full(current.size, gap), phase / rate)
 
 
 def make_random(seed: int, gap: float | None, rates: tuple[float, float], reversals: int) -> Drive:
-    """Return ramps between random currents, each with a random speed; without a gap, it moves."""
+    """Return ramps between random currents, each with a random speed. The gap moves if none is given."""
     rng = np.random.default_rng(seed)
     points = np.concatenate([[0.0, 1.0, 0.0], rng.random(reversals), [0.0]])
     speeds = 2.0 * rates[0] * (rates[1] / rates[0]) ** rng.random(points.size - 1)
