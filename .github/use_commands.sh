@@ -11,9 +11,9 @@ anhyst identify magnet/loops.csv --law effective-field --out model.toml
 printf 'F_N,gap_mm\n10,0.4\n80,0.4\n10,0.4\n' > demand.csv
 anhyst invert model.toml demand.csv --history demagnetised --out current.csv
 anhyst compile model.toml --rate 10000 --out controller
+anhyst export model.toml --as fmu --rate 10000 --out magnet.fmu
 anhyst report model.toml --out report.html
 
 anhyst example bearing --out bearing
 anhyst simulate bearing/rig.toml --out run.csv
-anhyst export bearing/rig.toml --as fmu --out bearing.fmu
-test -s current.csv -a -s controller/DROP_IN.md -a -s report.html -a -s run.csv -a -s bearing.fmu
+test -s current.csv -a -s controller/DROP_IN.md -a -s report.html -a -s run.csv -a -s magnet.fmu
