@@ -1,6 +1,6 @@
 """Test the files of maintainers: workflows, forms, licences, citation records, paper and recipe.
 
-The workflows cannot run here. The tests check them with linters that need no network.
+The workflows cannot run here. The tests check them with linters that work without a network.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def read_project(part: str) -> dict[str, Any]:
 
 
 def collect_commands(workflow: dict[str, Any]) -> list[str]:
-    """Return the shell commands of all steps of a workflow."""
+    """Return the shell commands in the steps of a workflow."""
     steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
     return [step["run"] for step in steps if "run" in step]
 
@@ -69,7 +69,7 @@ def test_file_agrees_with_schema(schema: str) -> None:
 
 
 def test_workflows_are_secure() -> None:
-    """Actions are pinned by commit, permissions are minimal, and no step expands text of others."""
+    """Actions are pinned by commit, permissions are minimal, and no step executes text from outside."""
     run_linter("zizmor", "--offline", "--no-progress", "--quiet", GITHUB)
 
 
@@ -140,7 +140,7 @@ def test_conda_recipe_renders_and_agrees_with_the_parts() -> None:
     folder = ROOT / "recipe"
     recipe = rattler_build.Stage0Recipe.from_file(folder / "recipe.yaml")
     variants = rattler_build.VariantConfig.from_file(folder / "variants.yaml")
-    rendered = {one.recipe.package.name: one.recipe.to_dict() for one in recipe.render(variants)}
+    rendered = {variant.recipe.package.name: variant.recipe.to_dict() for variant in recipe.render(variants)}
     assert sorted(rendered) == sorted(PARTS)
     for part, package in rendered.items():
         project = read_project(part)
