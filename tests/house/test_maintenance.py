@@ -90,6 +90,15 @@ def test_every_file_has_licence_information() -> None:
     run_linter("reuse", "lint", "--quiet")
 
 
+def test_data_of_others_keep_their_licence() -> None:
+    """A task of the benchmark with a licence text of its own has an entry, not the general licence."""
+    annotations = tomllib.loads((ROOT / "REUSE.toml").read_text(encoding="utf-8"))["annotations"]
+    paths = [entry["path"] for entry in annotations]
+    listed = {path for group in paths for path in ([group] if isinstance(group, str) else group)}
+    for licence in (ROOT / "benchmarks" / "zoo" / "tasks").glob("*/LICENSE"):
+        assert (licence.parent / "records.csv").relative_to(ROOT).as_posix() in listed
+
+
 def test_licence_texts_agree() -> None:
     assert (ROOT / "LICENSES" / "Apache-2.0.txt").read_bytes() == (ROOT / "LICENSE").read_bytes()
 
