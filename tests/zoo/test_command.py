@@ -23,7 +23,7 @@ def run_zoo(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 def test_two_tasks_with_four_models_repeat_their_record(tmp_path: Path) -> None:
     pytest.importorskip("numba", reason="make zoo installs numba")
-    models = ["anhyst", "single-valued", "prandtl-ishlinskii", "preisach-nnls"]
+    models = ["anhyst", "single-valued curve", "Prandtl-Ishlinskii", "Preisach, NNLS"]
     done = run_zoo("run", "--task", "steel-team32", "steel-m400", "--model", *models, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     scores = json.loads((tmp_path / "results.json").read_text("utf-8"))["scores"]
@@ -31,7 +31,7 @@ def test_two_tasks_with_four_models_repeat_their_record(tmp_path: Path) -> None:
         ["steel-team32", "steel-m400"], sorted(models)
     )
     for rows in scores.values():
-        assert rows["anhyst"]["nrms"] < rows["single-valued"]["nrms"]
+        assert rows["anhyst"]["nrms"] < rows["single-valued curve"]["nrms"]
         assert rows["anhyst"]["round_trip"] < 1e-3
         assert rows["anhyst"]["is_passive"]
     assert "| anhyst |" in done.stdout
