@@ -9,6 +9,7 @@
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
 #   make bench   the table of figures; WHAT="laws speed" for files of benchmarks/ by name. WHAT=search
 #                tries the search on 200 drawn measurements, in half an hour; only where it is named
+#   make zoo     the open benchmark of hysteresis models, in build/zoo/; ARGS="--task NAME" for a part
 #   make format  lay out Python and C sources
 #   make messages  gather how every error is worded
 #   make docs    the documentation site, in build/site/
@@ -34,7 +35,7 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/firmware packages
 BUILD_INPUTS := $(wildcard packages/*/pyproject.toml packages/*/CMakeLists.txt) core/core.cmake plant/plant.cmake \
 	$(shell find core plant packages/anhyst/src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all held campaign check docs house messages prove prove-all bench build wheel format \
+.PHONY: demo test test-all held campaign check docs house messages prove prove-all bench zoo build wheel format \
 	clean fuzz truths \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
@@ -72,6 +73,9 @@ prove-all: build
 
 bench: build .venv/.stamp-bench
 	@$(BIN)/python benchmarks/run.py $(WHAT)
+
+zoo: .venv/.stamp-package .venv/.stamp-bench
+	@$(BIN)/python -m benchmarks.zoo run $(ARGS)
 
 check: check-python check-imports check-c-format check-c-tidy check-cppcheck
 	@echo "check: all clean"

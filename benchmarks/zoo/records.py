@@ -55,6 +55,8 @@ class Record:
         State before the first sample.
     is_scored
         Samples that count for the scores, or ``None`` if all count.
+    quantities
+        Input, output and schedule as headers with units, such as ``I (A)``; set by the task.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Record:
     time: FloatArray | None = None
     history: RecordHistory = "settled"
     is_scored: BoolArray | None = None
+    quantities: tuple[str, str, str] = ("", "", "")
 
     @property
     def path(self) -> Path:

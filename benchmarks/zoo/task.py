@@ -11,7 +11,7 @@ import importlib.util
 import os
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +30,8 @@ class Task:
     ----------
     name
         Name of its folder.
-    title, difficulty, source, licence
-        Text for the page: what it is, one sentence why it is hard, and where it comes from.
+    title, difficulty, split, source, licence
+        Text for the page: what it is, why it is hard, why this split, and where it comes from.
     kind
         ``measured`` or ``simulated``.
     input, output, schedule
@@ -45,6 +45,7 @@ class Task:
     name: str
     title: str
     difficulty: str
+    split: str
     source: str
     licence: str
     kind: str
@@ -81,6 +82,8 @@ def read_task(name: str) -> Task:
     folder = FOLDER / name
     table = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8"))
     records = _load(folder) if (folder / "load.py").exists() else read_records(folder / "records.csv", table)
+    quantities = (table["input"], table["output"], table.get("schedule", ""))
+    records = [replace(record, quantities=quantities) for record in records]
     parts = {
         part: [record for record in records if table["records"][record.name]["part"] == part]
         for part in ("training", "test")
@@ -89,6 +92,7 @@ def read_task(name: str) -> Task:
         name=name,
         title=table["title"],
         difficulty=table["difficulty"],
+        split=table["split"],
         source=table["source"],
         licence=table["licence"],
         kind=table["kind"],
@@ -102,7 +106,9 @@ def read_task(name: str) -> Task:
 
 
 def _load(folder: Path) -> list[Record]:
-    spec = importlib.util.spec_from_file_location(f"load_{folder.name}", folder / "load.py")
+    spec = importlib.util.spec_from_file_location(
+        f"{__package__}.tasks.{folder.name}.load", folder / "load.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -1,0 +1,124 @@
+"""Scores of a model on a task."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .inversion import invert
+from .model import Model, Refusal
+from .probes import probe_behaviour
+from .records import FloatArray, Record
+from .task import Task
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of one model on one task; those that were not computed are ``None``.
+
+    ``refusal`` is the reason if the model declined the task, or the error if it failed. Errors in %
+    refer to the largest output of the test records.
+    """
+
+    refusal: str = ""
+    nrms: float | None = None  # rms error / standard deviation of the test outputs
+    mean: float | None = None  # mean absolute error, %
+    worst: float | None = None  # largest error, %
+    round_trip: float | None = None  # rms error of output -> input -> output, normalised as nrms
+    rest_drift: float | None = None  # %
+    minor_loop_gap: float | None = None  # %
+    smallest_loss: float | None = None
+    is_passive: bool | None = None
+    n_parameters: int | None = None
+    fit_s: float | None = None  # processor time, s
+    step_us: float | None = None  # processor time per sample of a prediction, µs
+    is_recorded: bool = False  # whether the fit was read from the record of an earlier training
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scores for a file."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of outputs on the scored samples of several records."""
+
+    nrms: float
+    mean: float
+    worst: float
+
+    @classmethod
+    def compare(cls, outputs: Sequence[FloatArray], records: Sequence[Record]) -> Errors:
+        """Compare outputs of a model with records."""
+        truth = np.concatenate([record.output[record.scored] for record in records])
+        modelled = np.concatenate(
+            [output[record.scored] for output, record in zip(outputs, records, strict=True)]
+        )
+        residual = np.abs(modelled - truth)
+        full_scale = float(np.max(np.abs(truth)))
+        return cls(
+            float(np.sqrt(np.mean(residual**2)) / np.std(truth)),
+            float(100.0 * np.mean(residual) / full_scale),
+            float(100.0 * np.max(residual) / full_scale),
+        )
+
+
+def score(model: Model, task: Task) -> tuple[Scores, list[FloatArray]]:
+    """Fit a model to a task; return its scores and its outputs of the test records."""
+    began = time.process_time()
+    try:
+        model.fit(task.training)
+    except Refusal as refusal:
+        return Scores(refusal=str(refusal), fit_s=time.process_time() - began), []
+    recorded_s: float | None = getattr(model, "recorded_fit_s", None)
+    fit_s = time.process_time() - began if recorded_s is None else recorded_s
+    outputs, step_us = _predict(model, task.test)
+    errors = Errors.compare(outputs, task.test)
+    scores = Scores(
+        nrms=errors.nrms,
+        mean=errors.mean,
+        worst=errors.worst,
+        round_trip=_round_trip(model, task),
+        n_parameters=model.n_parameters(),
+        fit_s=fit_s,
+        step_us=step_us,
+        is_recorded=recorded_s is not None,
+    )
+    if not task.is_rate_dependent:
+        behaviour = probe_behaviour(model, task.training)
+        scores = replace(
+            scores,
+            rest_drift=behaviour.rest_drift,
+            minor_loop_gap=behaviour.minor_loop_gap,
+            smallest_loss=behaviour.smallest_loss,
+            is_passive=behaviour.is_passive,
+        )
+    return scores, outputs
+
+
+def _predict(model: Model, records: Sequence[Record]) -> tuple[list[FloatArray], float]:
+    """Return the outputs of records and the processor time of a sample, µs."""
+    hidden = [record.without_output() for record in records]
+    model.predict(hidden[0])  # the first call may compile
+    began = time.process_time()
+    outputs = [model.predict(record) for record in hidden]
+    seconds = time.process_time() - began
+    for output, record in zip(outputs, records, strict=True):
+        if output.shape != record.output.shape or not np.all(np.isfinite(output)):
+            raise ValueError(f"the prediction of '{record.name}' has the wrong shape or is not finite")
+    return outputs, 1e6 * seconds / sum(record.path.input.size for record in records)
+
+
+def _round_trip(model: Model, task: Task) -> float:
+    """Return the error of the outputs that a model predicts for the inputs that it finds for them."""
+    outputs = []
+    for record in task.test:
+        drive = invert(model, record, task.training)
+        if not np.all(np.isfinite(drive)):
+            return float("nan")
+        outputs.append(model.predict(replace(record, input=drive).without_output()))
+    return Errors.compare(outputs, task.test).nrms

@@ -1,0 +1,1 @@
+"""Equations and drives of the simulated tasks; no equation is a law of the package."""

@@ -1,0 +1,88 @@
+"""The command of the benchmark: two tasks with four models, a model of somebody else, wrong names."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.docs.blocks import blocks
+from tests.repository import ROOT
+
+PAGE = ROOT / "docs" / "how-it-compares.md"
+MAX_STRANGER_LINES = 30
+
+
+def run_zoo(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "benchmarks.zoo", *map(str, arguments)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
+
+
+def test_two_tasks_with_four_models_repeat_their_record(tmp_path: Path) -> None:
+    pytest.importorskip("numba", reason="make zoo installs numba")
+    models = ["anhyst", "single-valued curve", "Prandtl-Ishlinskii", "Preisach, NNLS"]
+    done = run_zoo("run", "--task", "steel-team32", "steel-m400", "--model", *models, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    scores = json.loads((tmp_path / "results.json").read_text("utf-8"))["scores"]
+    assert {task: sorted(row) for task, row in scores.items()} == dict.fromkeys(
+        ["steel-team32", "steel-m400"], sorted(models)
+    )
+    for rows in scores.values():
+        assert rows["anhyst"]["nrms"] < rows["single-valued curve"]["nrms"]
+        assert rows["anhyst"]["round_trip"] < 1e-3
+        assert rows["anhyst"]["is_passive"]
+    assert "| anhyst |" in done.stdout
+    page = (tmp_path / "index.html").read_text("utf-8")
+    assert page.count("<svg") >= 3
+    assert "steel-team32" in page
+
+
+def test_the_model_on_the_page_is_short_and_runs_beside_the_record(tmp_path: Path) -> None:
+    (block,) = (block for block in blocks(PAGE.read_text("utf-8")) if block.language == "python")
+    assert len(block.code.splitlines()) < MAX_STRANGER_LINES
+    (tmp_path / "mine.py").write_text(block.code, "utf-8")
+    done = run_zoo(
+        "run", "--model", tmp_path / "mine.py", "--task", "steel-team32", "--out", tmp_path / "out"
+    )
+    assert done.returncode == 0, done.stderr
+    scores = json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))["scores"]["steel-team32"]
+    assert list(scores) == ["play and polynomial"]
+    assert 0.0 < scores["play and polynomial"]["nrms"] < 1.0
+    assert "| anhyst |" in done.stdout, "the recorded models are shown in the same table"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "--task", "steel-team23"], "no task 'steel-team23'; there are: "),
+        (["run", "--model", "anhyts"], "no model 'anhyts'; there are: "),
+        (["run", "--model", "nowhere.py"], "nowhere.py: there is no such file"),
+        (["train", "--model", "gur"], "no network 'gur'; there are: "),
+    ],
+)
+def test_a_wrong_name_gives_one_line(arguments: list[str], message: str) -> None:
+    done = run_zoo(*arguments)
+    assert done.returncode != 0
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_failing_model_is_reported_and_the_others_continue(tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text(
+        "class Broken:\n"
+        "    def fit(self, records):\n        raise ValueError('no idea')\n"
+        "    def predict(self, record):\n        return record.input\n"
+        "    def n_parameters(self):\n        return 0\n"
+        "MODELS = {'broken': Broken, 'identity': type('Identity', (Broken,), {'fit': lambda *_: None})}\n",
+        "utf-8",
+    )
+    done = run_zoo(
+        "run", "--model", tmp_path / "broken.py", "--task", "steel-team32", "--out", tmp_path / "out"
+    )
+    assert done.returncode == 0, done.stderr
+    scores = json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))["scores"]["steel-team32"]
+    assert scores["broken"]["refusal"] == "failed: ValueError: no idea"
+    assert scores["identity"]["nrms"] is not None
