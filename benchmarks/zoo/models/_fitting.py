@@ -18,7 +18,9 @@ def parameters_of(values: dict[str, Any]) -> Tensors:
     """Return trainable tensors in double precision."""
     import torch
 
-    return {key: torch.tensor(value, dtype=torch.float64, requires_grad=True) for key, value in values.items()}
+    return {
+        key: torch.tensor(value, dtype=torch.float64, requires_grad=True) for key, value in values.items()
+    }
 
 
 class Search:

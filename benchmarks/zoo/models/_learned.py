@@ -18,6 +18,7 @@ import numpy as np
 
 from ..model import Refusal
 from ..records import FloatArray, Record
+from ._over_schedule import OverSchedule
 
 FOLDER = Path(__file__).resolve().parents[1] / "record"
 
@@ -32,17 +33,23 @@ class LearnedModel:
 
     A subclass sets `name`, and defines `_prepare`, `_train` and ``predict``.
 
+    Parameters
+    ----------
+    is_retrained
+        Whether `fit` trains even if there is a record.
+
     Attributes
     ----------
     recorded_fit_s
-        Time that the training took when the record was made, s.
+        Processor time of the training when the record was made, s.
     """
 
     name: ClassVar[str]
     settings: ClassVar[str]
 
-    def __init__(self) -> None:
+    def __init__(self, is_retrained: bool = False) -> None:
         self.recorded_fit_s = 0.0
+        self._is_retrained = is_retrained
         self._arrays: Arrays = {}
 
     def fit(self, records: Sequence[Record]) -> None:
@@ -54,7 +61,7 @@ class LearnedModel:
             There is no record, and PyTorch is not installed.
         """
         file = self._file(records)
-        if not file.exists():
+        if self._is_retrained or not file.exists():
             self.train(records)
         self._prepare(records)
         with np.load(file) as stored:
@@ -74,18 +81,22 @@ class LearnedModel:
                 f"there is no recorded training of {self.name} for these records; "
                 f'install torch, then python -m benchmarks.zoo train --model "{self.name}"'
             )
-        start = time.perf_counter()
+        start = time.process_time()
         self._prepare(records)
         arrays = self._train(records)
         file = self._file(records)
         file.parent.mkdir(parents=True, exist_ok=True)
-        fit_s = np.array(round(time.perf_counter() - start, 1))
+        fit_s = np.array(round(time.process_time() - start, 1))
         np.savez_compressed(file, **_in_single_precision(arrays), fit_s=fit_s)  # type: ignore[arg-type]
         return file
 
     def n_parameters(self) -> int:
         """Return how many numbers were trained."""
         return sum(array.size for array in self._arrays.values())
+
+    def predict(self, record: Record) -> FloatArray:
+        """Return the output at each sample."""
+        raise NotImplementedError
 
     def _prepare(self, records: Sequence[Record]) -> None:
         """Compute the scales of the records, which are the same in training and in prediction."""
@@ -98,6 +109,15 @@ class LearnedModel:
     def _file(self, records: Sequence[Record]) -> Path:
         folder = FOLDER / self.name.replace(" ", "_")
         return folder / f"{key_of(records, self.settings)}.npz"
+
+
+class LearnedOverSchedule(OverSchedule):
+    """A learned model for each scheduling value, interpolated over the schedule."""
+
+    @property
+    def recorded_fit_s(self) -> float:
+        """Processor time of the recorded trainings, s."""
+        return sum(model.recorded_fit_s for model in self._models if isinstance(model, LearnedModel))
 
 
 def key_of(records: Sequence[Record], settings: str) -> str:

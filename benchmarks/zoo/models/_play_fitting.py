@@ -9,8 +9,8 @@ import numpy as np
 
 from ..records import LEAD_IN_CYCLES, FloatArray, Record
 from ._fitting import Search, Tensors, best_search, parameters_of
-from ._signals import Scaling, range_weight, split
 from ._learned import Arrays
+from ._signals import Scaling, range_weight, split
 from .play_network import FILTERS, HIDDEN, PLAYS, run_network, scaled_path
 
 SEEDS = 3

@@ -41,10 +41,7 @@ def initial_arrays(records: Sequence[Record], scaling: Scaling, width: float) ->
     y = np.concatenate([scaling.scale_output(record.output) for record in records])
     known = np.isfinite(y)
     square, scale, offset = np.polyfit(u[known], y[known], 2)
-    return {
-        "log_density": np.log(density / density.sum()),
-        "output": np.array([offset, scale, square, 0.0]),
-    }
+    return {"log_density": np.log(density / density.sum()), "output": np.array([offset, scale, square, 0.0])}
 
 
 class _Losses:

@@ -20,8 +20,7 @@ import numpy as np
 
 from ..model import Factory
 from ..records import FloatArray, Record
-from ._learned import Arrays, LearnedModel
-from ._over_schedule import OverSchedule
+from ._learned import Arrays, LearnedModel, LearnedOverSchedule
 from ._signals import Scaling
 
 MESH = 40
@@ -92,4 +91,6 @@ def preisach_output(xp: ModuleType, arrays: Any, u: Any, relays: Any) -> Any:
     return offset + scale * m + square * m * m + slope * u
 
 
-MODELS: dict[str, Factory] = {DifferentiablePreisach.name: lambda: OverSchedule(DifferentiablePreisach)}
+MODELS: dict[str, Factory] = {
+    DifferentiablePreisach.name: lambda: LearnedOverSchedule(DifferentiablePreisach)
+}

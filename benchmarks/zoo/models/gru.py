@@ -24,9 +24,8 @@ import numpy as np
 
 from ..model import Factory
 from ..records import LEAD_IN_CYCLES, FloatArray, Record
-from ._over_schedule import OverSchedule
+from ._learned import Arrays, LearnedModel, LearnedOverSchedule
 from ._signals import IntArray, Scaling, by_travel, range_weight, split
-from ._learned import Arrays, LearnedModel
 
 HIDDEN = 8
 """Size of the state."""
@@ -145,7 +144,9 @@ def cut_windows(records: Sequence[Record], scaling: Scaling) -> Sequences:
             if not inside.any():
                 continue
             number = np.full(inside.sum(), len(windows))
-            samples.append((number, before[inside] - first, *(v[inside] for v in (fraction, output, kept, withheld))))
+            samples.append(
+                (number, before[inside] - first, *(v[inside] for v in (fraction, output, kept, withheld)))
+            )
             windows.append(inputs[first:end])
     length = max(window.shape[0] for window in windows)
     padded = np.stack([np.pad(window, ((0, length - window.shape[0]), (0, 0))) for window in windows])
@@ -161,4 +162,4 @@ def _window_bounds(length: int) -> list[tuple[int, int, int]]:
     return [(start, start + BURN_IN if start else 0, min(start + WINDOW, length)) for start in starts]
 
 
-MODELS: dict[str, Factory] = {Gru.name: lambda: OverSchedule(Gru)}
+MODELS: dict[str, Factory] = {Gru.name: lambda: LearnedOverSchedule(Gru)}

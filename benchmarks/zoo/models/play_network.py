@@ -27,10 +27,9 @@ import numpy as np
 
 from ..model import Factory
 from ..records import FloatArray, Record
-from ._over_schedule import OverSchedule
+from ._learned import Arrays, LearnedModel, LearnedOverSchedule
 from ._plays import play_places
 from ._signals import Scaling
-from ._learned import Arrays, LearnedModel
 
 PLAYS = 12
 """Number of play operators; the first has the threshold zero."""
@@ -92,7 +91,9 @@ def run_network(
     thresholds = threshold_values(xp, arrays)
     places, signs = play_places(_plain(u), _plain(thresholds), float(_plain(arrays["rest"])[0]), bounds)
     if steps is None:
-        z = monotone_network(xp, arrays, play_values(xp, u, thresholds, arrays["rest"], places[rows], signs[rows]))
+        z = monotone_network(
+            xp, arrays, play_values(xp, u, thresholds, arrays["rest"], places[rows], signs[rows])
+        )
     else:
         z = monotone_network(xp, arrays, play_values(xp, u, thresholds, arrays["rest"], places, signs))
         z = (z + run_filters(xp, arrays, "behind", z, steps, bounds))[rows]
@@ -151,4 +152,4 @@ def _plain(values: Any) -> FloatArray:
     return np.asarray(values if isinstance(values, np.ndarray) else values.detach().numpy())
 
 
-MODELS: dict[str, Factory] = {PlayNetwork.name: lambda: OverSchedule(PlayNetwork)}
+MODELS: dict[str, Factory] = {PlayNetwork.name: lambda: LearnedOverSchedule(PlayNetwork)}
