@@ -1,10 +1,15 @@
-"""Training with PyTorch: Adam, then L-BFGS, and the best values at withheld samples are used."""
+"""Training with PyTorch: Adam, then L-BFGS, with early stopping at withheld samples.
+
+Finally, a few steps use all samples, because the withheld pieces of a steep branch are missed otherwise.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
+
+from ._signals import WITHHELD_SHARE
 
 Tensors = dict[str, Any]
 Losses = Callable[[Tensors], tuple[Any, Any]]
@@ -12,6 +17,17 @@ Losses = Callable[[Tensors], tuple[Any, Any]]
 
 CHECK_INTERVAL = 5
 """Number of iterations between two validations."""
+
+FULL_EFFORT_SAMPLES = 5000
+"""Number of samples up to which the full number of iterations is made."""
+
+MIN_EFFORT = 0.3
+"""Smallest share of the iterations, for many samples."""
+
+
+def effort(samples: int) -> float:
+    """Return the share of the iterations that a training with a number of samples makes."""
+    return min(1.0, max(MIN_EFFORT, FULL_EFFORT_SAMPLES / samples))
 
 
 def parameters_of(values: dict[str, Any]) -> Tensors:
@@ -58,9 +74,23 @@ class Search:
 
     def run_lbfgs(self, steps: int) -> None:
         """Take steps of L-BFGS from the best parameters, until they bring nothing more."""
+        self._restore()
+        for loss in self._descend(steps, 0.0):
+            self._keep_best(loss)
+        self._restore()
+
+    def refit(self, steps: int) -> None:
+        """Take steps of L-BFGS from the best parameters on all samples, also those withheld before."""
+        self._restore()
+        for _ in self._descend(steps, WITHHELD_SHARE / (1.0 - WITHHELD_SHARE)):
+            pass
+        self.validation = -math.inf
+        self.best = {key: value.detach().clone() for key, value in self._parameters.items()}
+
+    def _descend(self, steps: int, share: float) -> Iterator[Any]:
+        """Take steps of L-BFGS, and yield the validation loss after some of them."""
         import torch
 
-        self._restore()
         optimiser = torch.optim.LBFGS(
             list(self._parameters.values()),
             max_iter=CHECK_INTERVAL,
@@ -72,18 +102,18 @@ class Search:
 
         def closure() -> Any:
             optimiser.zero_grad()
-            training, _ = self._losses(self._parameters)
-            training.backward()
-            return training
+            training, validation = self._losses(self._parameters)
+            total = training + share * validation
+            total.backward()
+            return total
 
         for _ in range(steps // CHECK_INTERVAL):
             before = optimiser.step(closure).item()
             with torch.no_grad():
                 training, validation = self._losses(self._parameters)
-            self._keep_best(validation)
-            if not training.item() < before * (1.0 - 1e-7):
+            if not (training + share * validation).item() < before * (1.0 - 1e-7):
                 break
-        self._restore()
+            yield validation
 
     def _keep_best(self, validation: Any) -> None:
         value = validation.item()

@@ -6,22 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from ._fitting import Search, Tensors, best_search, parameters_of
+from ._fitting import Search, Tensors, best_search, effort, parameters_of
 from ._gru_kernel import gru_function
 from ._learned import Arrays
-from .gru import ADAM_STEPS, HIDDEN, LBFGS_STEPS, SEEDS, TRIAL_STEPS, WEIGHT_DECAY, Sequences
+from .gru import ADAM_STEPS, HIDDEN, LBFGS_STEPS, REFIT_STEPS, SEEDS, TRIAL_STEPS, WEIGHT_DECAY, Sequences
 
 
 def train_gru(sequences: Sequences) -> Arrays:
     """Return the arrays of the best of several searches."""
     losses = _Losses(sequences)
-    features = sequences.inputs.shape[2]
+    windows, steps, features = sequences.inputs.shape
+    share = effort(windows * steps)
     searches = [Search(parameters_of(initial_arrays(features, seed)), losses) for seed in range(SEEDS)]
     for search in searches:
-        search.run_adam(TRIAL_STEPS, 0.02)
+        search.run_adam(int(share * TRIAL_STEPS), 0.02)
     best = best_search(searches)
-    best.run_adam(ADAM_STEPS, 0.01)
-    best.run_lbfgs(LBFGS_STEPS)
+    best.run_adam(int(share * ADAM_STEPS), 0.01)
+    best.run_lbfgs(int(share * LBFGS_STEPS))
+    best.refit(int(share * REFIT_STEPS))
     return {key: value.numpy() for key, value in best.best.items()}
 
 

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 
 from ..records import LEAD_IN_CYCLES, FloatArray, Record
-from ._fitting import Search, Tensors, best_search, parameters_of
+from ._fitting import Search, Tensors, best_search, effort, parameters_of
 from ._learned import Arrays
 from ._signals import Scaling, range_weight, split
 from .play_network import FILTERS, HIDDEN, PLAYS, run_network, scaled_path
 
-SEEDS = 3
-TRIAL_STEPS = 100
-ADAM_STEPS = 400
-LBFGS_STEPS = 800
+SEEDS = 4
+TRIAL_STEPS = 200
+ADAM_STEPS = 1000
+LBFGS_STEPS = 1500
+REFIT_STEPS = 500
 SMOOTHNESS_WEIGHT = 1e-8
 """Weight of the sum of squared weights, which are the slopes of the network."""
 
@@ -24,14 +25,16 @@ SMOOTHNESS_WEIGHT = 1e-8
 def train_play_network(records: Sequence[Record], scaling: Scaling) -> Arrays:
     """Return the arrays of the best of several searches."""
     losses = _Losses(records, scaling)
+    share = effort(losses.samples)
     searches = [
         Search(parameters_of(initial_arrays(records, scaling, seed)), losses) for seed in range(SEEDS)
     ]
     for search in searches:
-        search.run_adam(TRIAL_STEPS, 0.03)
+        search.run_adam(int(share * TRIAL_STEPS), 0.03)
     best = best_search(searches)
-    best.run_adam(ADAM_STEPS, 0.02)
-    best.run_lbfgs(LBFGS_STEPS)
+    best.run_adam(int(share * ADAM_STEPS), 0.02)
+    best.run_lbfgs(int(share * LBFGS_STEPS))
+    best.refit(int(share * REFIT_STEPS))
     return {key: value.numpy() for key, value in best.best.items()}
 
 
@@ -89,6 +92,7 @@ class _Losses:
         self._input = torch.tensor(np.concatenate(inputs))
         self._steps = torch.tensor(np.concatenate(steps)) if scaling.time_step > 0.0 else None
         self._rows = rows
+        self.samples = output.size
         self._output = torch.tensor(output[rows])
         self._training = torch.tensor(training[rows] / training.sum())
         self._validation = torch.tensor(validation[rows] / validation.sum())

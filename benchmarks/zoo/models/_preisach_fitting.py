@@ -15,6 +15,7 @@ from .differentiable_preisach import mesh, preisach_output, relay_states
 
 ADAM_STEPS = 300
 LBFGS_STEPS = 300
+REFIT_STEPS = 1000
 WIDTHS = (0.15, 0.4)
 """Decays of the initial densities with the width of the relays, one for each search."""
 
@@ -30,6 +31,7 @@ def train_preisach(records: Sequence[Record], scaling: Scaling) -> Arrays:
         search.run_adam(ADAM_STEPS, 0.05)
     best = best_search(searches)
     best.run_lbfgs(LBFGS_STEPS)
+    best.refit(REFIT_STEPS)
     return {key: value.numpy() for key, value in best.best.items()}
 
 

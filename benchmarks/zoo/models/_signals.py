@@ -18,7 +18,7 @@ WITHHELD_SHARE = 0.15
 WITHHELD_PIECES = 4
 """Number of withheld pieces of each record."""
 
-WARP_KNOTS = 33
+WARP_KNOTS = 2001
 """Number of knots of the warped input over the range of the input."""
 
 

@@ -23,7 +23,7 @@ from ..records import FloatArray, Record
 from ._learned import Arrays, LearnedModel, LearnedOverSchedule
 from ._signals import Scaling
 
-MESH = 40
+MESH = 50
 """Number of lines of the mesh over the range of the warped input."""
 
 EDGE = 1.02
@@ -37,7 +37,7 @@ class DifferentiablePreisach(LearnedModel):
     """A Preisach model with a trained density and smooth relays."""
 
     name: ClassVar[str] = "differentiable preisach"
-    settings: ClassVar[str] = "1"
+    settings: ClassVar[str] = "2"
 
     def _prepare(self, records: Sequence[Record]) -> None:
         self._scaling = Scaling.of(records)

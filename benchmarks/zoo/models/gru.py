@@ -39,10 +39,11 @@ WINDOW = 400
 BURN_IN = 150
 """Steps at the start of a window that do not count, because the state is not known before it."""
 
-SEEDS = 3
-TRIAL_STEPS = 150
-ADAM_STEPS = 700
-LBFGS_STEPS = 400
+SEEDS = 4
+TRIAL_STEPS = 200
+ADAM_STEPS = 1000
+LBFGS_STEPS = 800
+REFIT_STEPS = 300
 WEIGHT_DECAY = 1e-6
 
 
@@ -63,7 +64,7 @@ class Gru(LearnedModel):
     """A GRU with a linear path from its inputs."""
 
     name: ClassVar[str] = "gru"
-    settings: ClassVar[str] = "1"
+    settings: ClassVar[str] = "2"
 
     def _prepare(self, records: Sequence[Record]) -> None:
         self._scaling = Scaling.of(records)
