@@ -5,6 +5,7 @@ Finally, a few steps use all samples, because the withheld pieces of a steep bra
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -30,9 +31,14 @@ def effort(samples: int) -> float:
     return min(1.0, max(MIN_EFFORT, FULL_EFFORT_SAMPLES / samples))
 
 
+def pytorch() -> Any:
+    """Return the module PyTorch, which only a training needs."""
+    return importlib.import_module("torch")
+
+
 def parameters_of(values: dict[str, Any]) -> Tensors:
     """Return trainable tensors in double precision."""
-    import torch
+    torch = pytorch()
 
     return {
         key: torch.tensor(value, dtype=torch.float64, requires_grad=True) for key, value in values.items()
@@ -58,7 +64,7 @@ class Search:
 
     def run_adam(self, steps: int, rate: float) -> None:
         """Take steps of Adam; the rate falls to a hundredth of its first value along a cosine."""
-        import torch
+        torch = pytorch()
 
         optimiser = torch.optim.Adam(list(self._parameters.values()), lr=rate)
         schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, rate / 100.0)
@@ -89,7 +95,7 @@ class Search:
 
     def _descend(self, steps: int, share: float) -> Iterator[Any]:
         """Take steps of L-BFGS, and yield the validation loss after some of them."""
-        import torch
+        torch = pytorch()
 
         optimiser = torch.optim.LBFGS(
             list(self._parameters.values()),
@@ -122,7 +128,7 @@ class Search:
             self.best = {key: value.detach().clone() for key, value in self._parameters.items()}
 
     def _restore(self) -> None:
-        import torch
+        torch = pytorch()
 
         with torch.no_grad():
             for key, value in self.best.items():

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ._fitting import Search, Tensors, best_search, effort, parameters_of
+from ._fitting import Search, Tensors, best_search, effort, parameters_of, pytorch
 from ._gru_kernel import gru_function
 from ._learned import Arrays
 from .gru import ADAM_STEPS, HIDDEN, LBFGS_STEPS, REFIT_STEPS, SEEDS, TRIAL_STEPS, WEIGHT_DECAY, Sequences
@@ -48,7 +48,7 @@ class _Losses:
     """Losses of training and validation over all windows."""
 
     def __init__(self, sequences: Sequences) -> None:
-        import torch
+        torch = pytorch()
 
         self._states = gru_function()
         self._inputs = torch.tensor(sequences.inputs)

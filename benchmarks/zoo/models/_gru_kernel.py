@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from ..records import FloatArray
+from ._fitting import pytorch
 
 
 @njit(cache=True, fastmath=True)
@@ -84,7 +85,7 @@ def backward(
 
 def gru_function() -> Any:
     """Return the states of a GRU as a function of tensors that PyTorch can differentiate."""
-    import torch
+    torch = pytorch()
 
     def run(context: Any, driven: Any, weight: Any, bias: Any, h0: Any) -> Any:
         arrays = [np.ascontiguousarray(tensor.detach().numpy()) for tensor in (driven, weight, bias, h0)]
@@ -97,4 +98,5 @@ def gru_function() -> Any:
         return tuple(torch.from_numpy(array) for array in result)
 
     members = {"forward": staticmethod(run), "backward": staticmethod(differentiate)}
-    return type("GruStates", (torch.autograd.Function,), members).apply
+    kind: Any = type("GruStates", (torch.autograd.Function,), members)
+    return kind.apply

@@ -87,7 +87,7 @@ class LearnedModel:
         file = self._file(records)
         file.parent.mkdir(parents=True, exist_ok=True)
         fit_s = np.array(round(time.process_time() - start, 1))
-        np.savez_compressed(file, **_in_single_precision(arrays), fit_s=fit_s)  # type: ignore[arg-type]
+        np.savez_compressed(file, **_in_single_precision(arrays), fit_s=fit_s)
         return file
 
     def n_parameters(self) -> int:
@@ -107,7 +107,7 @@ class LearnedModel:
         raise NotImplementedError
 
     def _file(self, records: Sequence[Record]) -> Path:
-        folder = FOLDER / self.name.replace(" ", "_")
+        folder = FOLDER / self.name.lower().replace(" ", "_")
         return folder / f"{key_of(records, self.settings)}.npz"
 
 
@@ -133,7 +133,8 @@ def key_of(records: Sequence[Record], settings: str) -> str:
 def _hashed(values: FloatArray) -> bytes:
     """Return the values relative to the largest, in whole numbers."""
     relative = np.nan_to_num(values / (np.nanmax(np.abs(values), initial=0.0) or 1.0), nan=2.0)
-    return np.rint(relative * 10**HASHED_DIGITS).astype("<i8").tobytes()
+    hashed: bytes = np.rint(relative * 10**HASHED_DIGITS).astype("<i8").tobytes()
+    return hashed
 
 
 def _in_single_precision(arrays: Mapping[str, FloatArray]) -> dict[str, Any]:

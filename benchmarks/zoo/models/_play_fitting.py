@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..records import LEAD_IN_CYCLES, FloatArray, Record
-from ._fitting import Search, Tensors, best_search, effort, parameters_of
+from ._fitting import Search, Tensors, best_search, effort, parameters_of, pytorch
 from ._learned import Arrays
 from ._signals import Scaling, range_weight, split
 from .play_network import FILTERS, HIDDEN, PLAYS, run_network, scaled_path
@@ -69,7 +69,7 @@ class _Losses:
     """Losses of training and validation over all records."""
 
     def __init__(self, records: Sequence[Record], scaling: Scaling) -> None:
-        import torch
+        torch = pytorch()
 
         inputs: list[FloatArray] = []
         steps: list[FloatArray] = []
@@ -98,7 +98,7 @@ class _Losses:
         self._validation = torch.tensor(validation[rows] / validation.sum())
 
     def __call__(self, parameters: Tensors) -> tuple[Any, Any]:
-        import torch
+        torch = pytorch()
 
         predicted = run_network(torch, parameters, self._input, self._steps, self._bounds, self._rows)
         squared = (predicted - self._output) ** 2

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Record
-from ._fitting import Search, Tensors, best_search, parameters_of
+from ._fitting import Search, Tensors, best_search, parameters_of, pytorch
 from ._learned import Arrays
 from ._signals import Scaling, range_weight, split
 from .differentiable_preisach import mesh, preisach_output, relay_states
@@ -50,7 +50,7 @@ class _Losses:
     """Losses of training and validation over all records."""
 
     def __init__(self, records: Sequence[Record], scaling: Scaling) -> None:
-        import torch
+        torch = pytorch()
 
         relays = [record.path.cut(relay_states(record, scaling)) for record in records]
         u = [scaling.scale_input(record.input) for record in records]
@@ -64,7 +64,7 @@ class _Losses:
         self._validation = torch.tensor(validation / validation.sum())
 
     def __call__(self, parameters: Tensors) -> tuple[Any, Any]:
-        import torch
+        torch = pytorch()
 
         squared = (preisach_output(torch, parameters, self._input, self._relays) - self._output) ** 2
         density = parameters["log_density"].exp()

@@ -36,7 +36,7 @@ SMOOTHNESS = 0.5
 class DifferentiablePreisach(LearnedModel):
     """A Preisach model with a trained density and smooth relays."""
 
-    name: ClassVar[str] = "differentiable preisach"
+    name: ClassVar[str] = "differentiable Preisach"
     settings: ClassVar[str] = "2"
 
     def _prepare(self, records: Sequence[Record]) -> None:

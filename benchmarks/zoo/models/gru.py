@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Sequences:
 class Gru(LearnedModel):
     """A GRU with a linear path from its inputs."""
 
-    name: ClassVar[str] = "gru"
+    name: ClassVar[str] = "GRU"
     settings: ClassVar[str] = "2"
 
     def _prepare(self, records: Sequence[Record]) -> None:
@@ -129,7 +129,7 @@ def read_out(arrays: Arrays, inputs: FloatArray, states: FloatArray) -> FloatArr
 def cut_windows(records: Sequence[Record], scaling: Scaling) -> Sequences:
     """Return the training records as windows of the same length."""
     windows: list[FloatArray] = []
-    samples: list[tuple[FloatArray, ...]] = []
+    samples: list[tuple[Any, ...]] = []
     for record in records:
         inputs, before, fraction = step_inputs(record, scaling)
         skipped = record.input.size * (LEAD_IN_CYCLES - 1) if record.history == "settled" else 0
