@@ -77,7 +77,8 @@ class _Losses:
         bounds = []
         for record in records:
             u, step = scaled_path(record, scaling)
-            skipped = record.input.size * (LEAD_IN_CYCLES - 1) if record.history == "settled" else 0
+            # One repetition settles the play operators, but not the filters.
+            skipped = 0 if step is not None else record.path.lead_in // LEAD_IN_CYCLES
             u = u[skipped:]
             start = sum(part.size for part in inputs)
             bounds.append((start, start + u.size))

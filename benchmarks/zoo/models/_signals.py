@@ -126,14 +126,14 @@ def split(record: Record) -> tuple[FloatArray, FloatArray]:
 
 
 def range_weight(record: Record, scaling: Scaling) -> float:
-    """Return the weight of a record: the root of the range of all outputs relative to its own, at most 3.
+    """Return the weight of a record: the range of all outputs relative to its own, at most 30.
 
     The sum of squares over all samples would neglect small loops, and errors relative to the range of
     each record would overestimate them.
     """
     y = record.output[is_usable(record)]
     own = float(np.ptp(y)) / 2.0 if y.size else 0.0
-    return min(3.0, float(np.sqrt(scaling.output_half / max(own, 1e-12 * scaling.output_half))))
+    return min(30.0, scaling.output_half / max(own, 1e-12 * scaling.output_half))
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class DifferentiablePreisach(LearnedModel):
     """A Preisach model with a trained density and smooth relays."""
 
     name: ClassVar[str] = "differentiable Preisach"
-    settings: ClassVar[str] = "2"
+    settings: ClassVar[str] = "3"
 
     def _prepare(self, records: Sequence[Record]) -> None:
         self._scaling = Scaling.of(records)

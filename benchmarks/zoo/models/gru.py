@@ -42,8 +42,8 @@ BURN_IN = 150
 SEEDS = 4
 TRIAL_STEPS = 200
 ADAM_STEPS = 1000
-LBFGS_STEPS = 800
-REFIT_STEPS = 300
+LBFGS_STEPS = 1500
+REFIT_STEPS = 500
 WEIGHT_DECAY = 1e-6
 
 
@@ -64,7 +64,7 @@ class Gru(LearnedModel):
     """A GRU with a linear path from its inputs."""
 
     name: ClassVar[str] = "GRU"
-    settings: ClassVar[str] = "2"
+    settings: ClassVar[str] = "3"
 
     def _prepare(self, records: Sequence[Record]) -> None:
         self._scaling = Scaling.of(records)
@@ -127,18 +127,19 @@ def read_out(arrays: Arrays, inputs: FloatArray, states: FloatArray) -> FloatArr
 
 
 def cut_windows(records: Sequence[Record], scaling: Scaling) -> Sequences:
-    """Return the training records as windows of the same length."""
+    """Return the training records as windows of the same length.
+
+    A settled cycle counts in the last two repetitions, so that the network learns to settle.
+    """
     windows: list[FloatArray] = []
     samples: list[tuple[Any, ...]] = []
     for record in records:
         inputs, before, fraction = step_inputs(record, scaling)
-        skipped = record.input.size * (LEAD_IN_CYCLES - 1) if record.history == "settled" else 0
-        start = int(before[skipped])
-        own = slice(record.path.lead_in, None)
-        before, fraction = before[own] - start, fraction[own]
-        inputs = inputs[start:]
-        kept, withheld = (part * range_weight(record, scaling) for part in split(record))
-        output = scaling.scale_output(record.output)
+        first_counted = record.path.lead_in - record.path.lead_in // LEAD_IN_CYCLES
+        before, fraction = before[first_counted:], fraction[first_counted:]
+        repeats = before.size // record.input.size
+        kept, withheld = (np.tile(part * range_weight(record, scaling), repeats) for part in split(record))
+        output = np.tile(scaling.scale_output(record.output), repeats)
         for first, counted_from, end in _window_bounds(inputs.shape[0]):
             inside = (before >= counted_from) & (before < end - 1) & (kept + withheld > 0.0)
             inside |= (before == end - 1) & (fraction == 0.0) & (kept + withheld > 0.0)

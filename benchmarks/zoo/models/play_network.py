@@ -45,7 +45,7 @@ class PlayNetwork(LearnedModel):
     """A monotone network of play operators, with filters if the records have time."""
 
     name: ClassVar[str] = "play network"
-    settings: ClassVar[str] = "2"
+    settings: ClassVar[str] = "3"
 
     def _prepare(self, records: Sequence[Record]) -> None:
         self._scaling = Scaling.of(records)
