@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from benchmarks.zoo.model import Model, Refusal
-from benchmarks.zoo.records import FloatArray, Record
+from ..model import Model, Refusal
+from ..records import FloatArray, Record
 
 MAX_SPREAD = 0.01
 """Largest spread of the schedule in one group, relative to its span over all training records."""
