@@ -81,9 +81,7 @@ def withheld(records: Sequence[Record], fold: int, folds: int) -> list[BoolArray
             np.full(record.input.size, index != largest and index % folds == fold)
             for index, record in enumerate(records)
         ]
-    return [
-        np.arange(record.input.size) * PIECES // record.input.size % folds == fold for record in records
-    ]
+    return [np.arange(record.input.size) * PIECES // record.input.size % folds == fold for record in records]
 
 
 def from_rest(path_input: FloatArray) -> FloatArray:
@@ -121,3 +119,14 @@ def _smooth(values: FloatArray) -> FloatArray:
         return values
     padded = np.concatenate([np.full(2, values[0]), values, np.full(2, values[-1])])
     return np.convolve(padded, np.full(5, 0.2), "valid")
+
+
+def hats(u: FloatArray, knots: FloatArray) -> FloatArray:
+    """Return the hat functions of the knots at each input, continued linearly outside."""
+    piece = np.clip(np.searchsorted(knots, u, side="right") - 1, 0, knots.size - 2)
+    share = (u - knots[piece]) / (knots[piece + 1] - knots[piece])
+    values = np.zeros((u.size, knots.size))
+    rows = np.arange(u.size)
+    values[rows, piece] = 1.0 - share
+    values[rows, piece + 1] = share
+    return values

@@ -7,7 +7,8 @@ quantised. The grid is finer where input and output change. A single-valued func
 reversible part and the offset. Differences of neighbouring densities are penalised (as Hoffmann
 and Sprekels proposed for its identification, 1989). The number of grid lines and the penalty are
 those with the smallest error on withheld parts of the training records, and so is whether the
-density may be negative: butterfly loops need both signs.
+density may be negative: butterfly loops need both signs. If the input has one sign, one more row of
+cells contains the relays whose other threshold has the opposite sign.
 
 The fit is a strictly convex quadratic programme. Block principal pivoting solves it exactly (Kim
 and Park, SIAM J. Sci. Comput. 33, 2011).
@@ -24,15 +25,21 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._training import Scaling, grid_lines, thin, withheld
+from ._training import Scaling, grid_lines, hats, thin, withheld
 
-SIDES = (16, 24, 36, 56)
-PENALTIES = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+SIDES = (20, 32, 50)
+PENALTIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 FOLDS = 2
 REVERSIBLE_KNOTS = 24
 CURVATURE_PENALTY = 1e-5
 RIDGE = 1e-9
 MAX_SAMPLES_TO_CHOOSE = 1500
+
+MARGIN = 0.1
+"""Width of the cells beyond the range of the input, which continue the density; relative to the range."""
+
+MIN_SYMMETRY = 0.98
+"""Smallest ratio of the extrema of the input for which its range counts as symmetric."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,7 @@ class _Grid:
         path = record.path
         places = np.interp(path.input, self.lines, np.arange(self.lines.size, dtype=float))
         relays = _relay_shares(places, path.lead_in, self._rest(), self.lines.size - 1)
-        return np.hstack([relays, _hats(record.input, self.knots)])
+        return np.hstack([relays, hats(record.input, self.knots)])
 
     def _rest(self) -> FloatArray:
         """Return the extrema that lead to the demagnetised state: decreasing pairs around zero."""
@@ -85,16 +92,15 @@ class PreisachNNLS:
         """Choose grid, penalty and sign on withheld parts, and fit the density to all records."""
         self._scaling = Scaling.of(records)
         own = [self._scaling.normalise(record) for record in records]
-        side, penalty, is_signed = _choose(thin(own, MAX_SAMPLES_TO_CHOOSE))
-        self._grid = _make_grid(own, side)
+        settings = _choose(thin(own, MAX_SAMPLES_TO_CHOOSE))
+        self._grid = _make_grid(own, settings.side)
         used = np.concatenate([record.scored for record in own])
         design = np.vstack([self._grid.design(record) for record in own])[used]
         y = np.concatenate([record.output for record in own])[used]
         self._weights = _solve(
-            design.T @ design + y.size * _regularisation(self._grid, penalty),
+            design.T @ design + y.size * _regularisation(self._grid, settings.penalty),
             design.T @ y,
-            self._grid.cells,
-            is_signed,
+            0 if settings.is_signed else self._grid.cells,
         )
 
     def predict(self, record: Record) -> FloatArray:
@@ -107,29 +113,66 @@ class PreisachNNLS:
 
 
 def _make_grid(records: Sequence[Record], side: int) -> _Grid:
-    return _Grid(grid_lines(records, side), grid_lines(records, REVERSIBLE_KNOTS - 1))
+    """Return a grid somewhat larger than the range of the input, made symmetric by one more line."""
+    lines = grid_lines(records, side)
+    margin = MARGIN * (lines[-1] - lines[0])
+    low, high = float(lines[0] - margin), float(lines[-1] + margin)
+    lines = np.concatenate([[low], lines, [high]])
+    if -low < MIN_SYMMETRY * high:
+        lines = np.concatenate([[-high], lines])
+    elif high < MIN_SYMMETRY * -low:
+        lines = np.concatenate([lines, [-low]])
+    return _Grid(lines, grid_lines(records, REVERSIBLE_KNOTS - 1))
 
 
-def _choose(records: Sequence[Record]) -> tuple[int, float, bool]:
-    """Return the number of grid lines, the penalty and the sign rule with the least withheld error."""
+@dataclass(frozen=True)
+class _Settings:
+    """What is chosen on withheld parts of the records."""
+
+    side: int
+    penalty: float
+    is_signed: bool
+
+
+def _choose(records: Sequence[Record]) -> _Settings:
+    """Return the settings with the least withheld error.
+
+    All penalties and both sign rules are tried on the coarsest grid, and the neighbours of the best
+    on finer grids.
+    """
+    errors: dict[_Settings, float] = {}
+    for side in SIDES:
+        penalties: Sequence[float] = PENALTIES
+        signs: Sequence[bool] = (False, True)
+        if errors:
+            best = min(errors, key=lambda settings: errors[settings])
+            near = PENALTIES.index(best.penalty)
+            penalties, signs = PENALTIES[max(near - 1, 0) : near + 2], (best.is_signed,)
+        for is_signed in signs:
+            for penalty, error in _withheld_errors(records, side, penalties, is_signed).items():
+                errors[_Settings(side, penalty, is_signed)] = error
+    return min(errors, key=errors.__getitem__)
+
+
+def _withheld_errors(
+    records: Sequence[Record], side: int, penalties: Sequence[float], is_signed: bool
+) -> dict[float, float]:
+    """Return the sum of squared errors at withheld samples for each penalty."""
     used = np.concatenate([record.scored for record in records])
     y = np.concatenate([record.output for record in records])[used]
-    folds = [np.concatenate(withheld(records, fold, FOLDS))[used] for fold in range(FOLDS)]
-    errors: dict[tuple[int, float, bool], float] = {}
-    for side in SIDES:
-        grid = _make_grid(records, side)
-        design = np.vstack([grid.design(record) for record in records])[used]
-        for out in folds:
-            kept = design[~out]
-            gram, target = kept.T @ kept, kept.T @ y[~out]
-            for penalty in PENALTIES:
-                matrix = gram + len(kept) * _regularisation(grid, penalty)
-                for is_signed in (False, True):
-                    weights = _solve(matrix, target, grid.cells, is_signed)
-                    error = float(np.sum((y[out] - design[out] @ weights) ** 2))
-                    key = (side, penalty, is_signed)
-                    errors[key] = errors.get(key, 0.0) + error
-    return min(errors, key=lambda key: errors[key])
+    grid = _make_grid(records, side)
+    design = np.vstack([grid.design(record) for record in records])[used]
+    errors = dict.fromkeys(penalties, 0.0)
+    for fold in range(FOLDS):
+        out = np.concatenate(withheld(records, fold, FOLDS))[used]
+        kept = design[~out]
+        gram, target = kept.T @ kept, kept.T @ y[~out]
+        weights: FloatArray | None = None
+        for penalty in penalties:
+            matrix = gram + len(kept) * _regularisation(grid, penalty)
+            weights = _solve(matrix, target, 0 if is_signed else grid.cells, weights)
+            errors[penalty] += float(np.sum((y[out] - design[out] @ weights) ** 2))
+    return errors
 
 
 def _regularisation(grid: _Grid, penalty: float) -> FloatArray:
@@ -143,16 +186,16 @@ def _regularisation(grid: _Grid, penalty: float) -> FloatArray:
     return matrix
 
 
-def _solve(matrix: FloatArray, target: FloatArray, cells: int, is_signed: bool) -> FloatArray:
-    """Return the minimiser of the quadratic form; the first weights are nonnegative unless signed.
+def _solve(
+    matrix: FloatArray, target: FloatArray, bounded_count: int, start: FloatArray | None = None
+) -> FloatArray:
+    """Return the minimiser of the quadratic form whose first weights are nonnegative.
 
     The pivoting exchanges all infeasible variables as long as their number decreases, and after
     three failures only the last one, which always terminates.
     """
-    free = np.ones(target.size, np.bool_)
-    if is_signed:
-        return _solve_free(matrix, target, free)
-    bounded = np.arange(target.size) < cells
+    free = np.ones(target.size, np.bool_) if start is None else start != 0.0
+    bounded = np.arange(target.size) < bounded_count
     fewest, chances = target.size + 1, 3
     while True:
         weights = _solve_free(matrix, target, free)
@@ -183,17 +226,6 @@ def _solve_free(matrix: FloatArray, target: FloatArray, free: BoolArray) -> Floa
     return weights
 
 
-def _hats(u: FloatArray, knots: FloatArray) -> FloatArray:
-    """Return the hat functions of the knots at each input, continued linearly outside."""
-    piece = np.clip(np.searchsorted(knots, u, side="right") - 1, 0, knots.size - 2)
-    share = (u - knots[piece]) / (knots[piece + 1] - knots[piece])
-    hats = np.zeros((u.size, knots.size))
-    rows = np.arange(u.size)
-    hats[rows, piece] = 1.0 - share
-    hats[rows, piece + 1] = share
-    return hats
-
-
 @compiled
 def _relay_shares(places: FloatArray, lead_in: int, rest: FloatArray, side: int) -> FloatArray:
     """Return the share of each cell whose relays are up, shape (n - lead_in, cells).
@@ -222,9 +254,7 @@ def _relay_shares(places: FloatArray, lead_in: int, rest: FloatArray, side: int)
 
 
 @compiled
-def _push(
-    base: FloatArray, stack: FloatArray, depth: int, place: float, is_rising: bool, side: int
-) -> int:
+def _push(base: FloatArray, stack: FloatArray, depth: int, place: float, is_rising: bool, side: int) -> int:
     """Move the input to a place, wipe out the extrema that it passes, and return the new depth."""
     parity = 0 if is_rising else 1  # position in the stack of extrema in this direction, modulo 2
     sign = 1.0 if is_rising else -1.0
