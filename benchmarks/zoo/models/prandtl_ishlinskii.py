@@ -159,7 +159,7 @@ class PrandtlIshlinskii:
 
     def n_parameters(self) -> int:
         """Return the nonzero weights, the heights of both functions, and the steepness."""
-        return int(np.count_nonzero(self._chain.weights)) + self._chain.heights.size + 1
+        return int(np.count_nonzero(self._chain.weights)) + len(self._chain.heights) + 1
 
     def _choose(self, records: Sequence[Record]) -> tuple[float, float]:
         """Return the steepness and the penalty with the least withheld error."""
