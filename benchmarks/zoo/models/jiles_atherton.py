@@ -40,14 +40,14 @@ MAX_GAP = 60.0
 """Strongest demagnetising field at saturation, in units of the largest input."""
 
 SAMPLES_TO_EVOLVE = 500
-SAMPLES_TO_POLISH = 2500
-EVALUATIONS = 4200
-EVALUATIONS_TO_POLISH = 40
+SAMPLES_TO_POLISH = 1500
+EVALUATIONS = 2600
+EVALUATIONS_TO_POLISH = 25
 
 MAX_STEP = 0.3
 """Largest step of the integration, relative to the smaller one of pinning and anhysteretic width."""
 
-MAX_STEPS_PER_SAMPLE = 10
+MAX_STEPS_PER_SAMPLE = 8
 
 
 class JilesAtherton:
@@ -111,7 +111,7 @@ def _features(theta: FloatArray, drive: Drive, is_force: bool) -> FloatArray:
 
 @compiled
 def _magnetise(
-    field: FloatArray, is_start: FloatArray, width: float, coupling: float, pinning: float, reversible: float
+    field: FloatArray, is_start: BoolArray, width: float, coupling: float, pinning: float, reversible: float
 ) -> FloatArray:
     """Return the magnetisation relative to saturation; each start is demagnetised at its field."""
     m = np.empty(field.size)

@@ -1,0 +1,163 @@
+"""An extended Bouc-Wen model, static or with a second-order oscillator.
+
+The hysteretic state follows the equation of Bouc (1967) and Wen (J. Eng. Mech. 102, 1976),
+``dz = du (1 - |z/w|^n (beta sgn(z du) + gamma))`` with ``beta + gamma = 1``, and its generalisation
+for asymmetric loops (Song and Der Kiureghian, J. Eng. Mech. 132, 2006), whose bracket has six terms.
+It depends on the input only, and not on its speed. The output adds an elastic part, which is a
+polynomial of the input, and the hysteretic part with a gain that is linear in the input.
+
+If the records have times, the oscillator of Noel and Schoukens (Workshop on Nonlinear System
+Identification Benchmarks, 2016) is fitted too: the input is a force, the output is a displacement
+``y'' + 2 zeta omega y' + omega^2 (y + c3 y^3) + kappa z = u``, and the displacement drives ``z``. It
+is kept if its error on the training records is smaller.
+
+The linear coefficients are eliminated by least squares. Differential evolution finds the other
+parameters on thinned records, and least squares polishes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ..records import BoolArray, FloatArray, Record
+from ._compiled import compiled
+from ._evolution import Drive, evolve, polish, solve_linear
+from ._oscillator import Oscillator
+from ._over_schedule import OverSchedule
+from ._training import Scaling, thin
+
+BOUNDS = np.array(
+    [
+        (-5.0, 1.0),  # logarithm of the width w
+        (-1.5, 2.5),  # logarithm of the exponent n
+        (0.5, 4.0),  # beta; gamma is 1 - beta
+        *[(-1.0, 1.0)] * 4,  # terms of u du, u z, du and u, which make loops asymmetric
+    ]
+)
+"""Bounds of the parameters; the unit of the input is its largest value in the training records."""
+
+SYMMETRIC = 3
+"""Number of parameters of the symmetric equation, which the evolution starts from."""
+
+DEGREE = 7
+SAMPLES_TO_EVOLVE = 700
+SAMPLES_TO_POLISH = 2500
+EVALUATIONS = 2500
+EVALUATIONS_TO_POLISH = 60
+MAX_STEP = 0.25
+"""Largest step of the integration, relative to the width."""
+
+MAX_STEPS_PER_SAMPLE = 10
+
+
+class _StaticBoucWen:
+    """The rate-independent model in normalised units."""
+
+    def fit(self, records: Sequence[Record]) -> float:
+        """Fit the model and return the mean squared error at the samples that count."""
+        thinned = thin(records, SAMPLES_TO_EVOLVE)
+        drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
+
+        def coarse(theta: FloatArray) -> FloatArray:
+            return _residual(np.pad(theta, (0, len(BOUNDS) - SYMMETRIC)), drive, scored)
+
+        start = evolve(coarse, BOUNDS[:SYMMETRIC], EVALUATIONS)
+        thinned = thin(records, SAMPLES_TO_POLISH)
+        drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
+
+        def fine(theta: FloatArray) -> FloatArray:
+            return _residual(theta, drive, scored)
+
+        start = np.pad(start, (0, len(BOUNDS) - SYMMETRIC))
+        self._theta = polish(fine, start, BOUNDS, EVALUATIONS_TO_POLISH)
+        features = _features(self._theta, drive)[scored]
+        self._coefficients = solve_linear(features, drive.output[scored])
+        return float(np.mean((drive.output[scored] - features @ self._coefficients) ** 2))
+
+    def predict(self, record: Record) -> FloatArray:
+        """Return the output at each sample."""
+        output: FloatArray = _features(self._theta, Drive.of([record])) @ self._coefficients
+        return output
+
+    def n_parameters(self) -> int:
+        """Return the parameters of the equation and the coefficients of the output."""
+        return len(self._theta) + len(self._coefficients)
+
+
+class BoucWen:
+    """A Bouc-Wen model, whose output is static or that of an oscillator."""
+
+    def fit(self, records: Sequence[Record]) -> None:
+        """Fit the static model and, if there are times, the oscillator; keep the better of them."""
+        self._scaling = Scaling.of(records)
+        own = [self._scaling.normalise(record) for record in records]
+        static = _StaticBoucWen()
+        error = static.fit(own)
+        self._model: _StaticBoucWen | Oscillator = static
+        if all(record.time is not None for record in own):
+            oscillator = Oscillator()
+            if oscillator.fit(own) < error:
+                self._model = oscillator
+
+    def predict(self, record: Record) -> FloatArray:
+        """Return the output at each sample."""
+        return self._scaling.restore(self._model.predict(self._scaling.normalise(record)))
+
+    def n_parameters(self) -> int:
+        """Return the number of parameters of the model that is kept."""
+        return self._model.n_parameters()
+
+
+def _residual(theta: FloatArray, drive: Drive, scored: BoolArray) -> FloatArray:
+    """Return the residual at the scored samples with the best coefficients of the output."""
+    features, output = _features(theta, drive)[scored], drive.output[scored]
+    residual: FloatArray = output - features @ solve_linear(features, output)
+    return residual
+
+
+def _features(theta: FloatArray, drive: Drive) -> FloatArray:
+    """Return the polynomials of the input and the hysteretic parts at each sample of the records."""
+    z = _run_hysteresis(drive.input, drive.is_start, np.exp(theta[0]), np.exp(theta[1]), theta[2], theta[3:])
+    u, z = drive.input[drive.rows], z[drive.rows]
+    inside = np.clip(u, -1.0, 1.0)
+    elastic = chebyshev.chebvander(inside, DEGREE)
+    slopes = np.arange(DEGREE + 1) ** 2 * np.where(u[:, None] < 0.0, (-1.0) ** np.arange(1, DEGREE + 2), 1.0)
+    elastic += (u - inside)[:, None] * slopes
+    return np.column_stack([elastic, z, u * z])
+
+
+@compiled
+def _run_hysteresis(
+    u: FloatArray, is_start: BoolArray, width: float, exponent: float, beta: float, asymmetry: FloatArray
+) -> FloatArray:
+    """Return the hysteretic state relative to the width; each start is at rest."""
+    states = np.empty(u.size)
+    z, position = 0.0, 0.0
+    for sample in range(u.size):
+        if is_start[sample]:
+            z, position = 0.0, 0.0
+        change = u[sample] - position
+        steps = min(MAX_STEPS_PER_SAMPLE, int(abs(change) / (MAX_STEP * width)) + 1)
+        du = change / steps
+        for _ in range(steps):
+            half = z + 0.5 * du / width * _slope(z, position, du, exponent, beta, asymmetry)
+            z += du / width * _slope(half, position + 0.5 * du, du, exponent, beta, asymmetry)
+            z = max(-2.0, min(2.0, z))
+            position += du
+        states[sample] = z
+    return states
+
+
+@compiled
+def _slope(z: float, u: float, du: float, exponent: float, beta: float, asymmetry: FloatArray) -> float:
+    """Return the derivative of the hysteretic state, relative to the inverse width."""
+    su, sd, sz = np.sign(u), np.sign(du), np.sign(z)
+    bracket = beta * sz * sd + 1.0 - beta
+    bracket += asymmetry[0] * su * sd + asymmetry[1] * su * sz + asymmetry[2] * sd + asymmetry[3] * su
+    return float(1.0 - abs(z) ** exponent * bracket)
+
+
+MODELS = {"Bouc-Wen": lambda: OverSchedule(BoucWen)}
