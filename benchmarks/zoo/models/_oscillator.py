@@ -26,7 +26,8 @@ BOUNDS = np.array(
         (0.0, 3.0),  # stiffness of the hysteretic force, relative to the elastic one
         (-5.0, 2.0),  # logarithm of the width, relative to the same displacement
         (-1.0, 1.5),  # logarithm of the exponent
-        (0.5, 3.0),  # beta; gamma is 1 - beta
+        (-1.0, 1.0),  # beta + gamma, which counts while the hysteretic force grows
+        (-1.5, 1.0),  # gamma - beta, which counts while it decreases
     ]
 )
 """Bounds of the parameters in the time unit of the linear estimate."""
@@ -35,8 +36,8 @@ SAMPLES_TO_EVOLVE = 1200
 UNSETTLED_SHARE = 0.3
 """Share of an excerpt that does not count, because the excerpt starts at rest."""
 
-EVALUATIONS = 2500
-EVALUATIONS_TO_POLISH = 25
+EVALUATIONS = 5000
+EVALUATIONS_TO_POLISH = 40
 SUBSTEPS = 3
 LIMIT = 1e3
 """Displacement at which a simulation counts as unstable; the static displacement is 1."""
@@ -103,7 +104,7 @@ class Oscillator:
     def _features(self, theta: FloatArray, force: _Force) -> FloatArray:
         """Return ones and the displacement at each sample of a record."""
         omega, zeta, width, exponent = np.exp(theta[[0, 1, 4, 5]])
-        constants = np.array([omega, zeta, theta[2], theta[3], width, exponent, theta[6]])
+        constants = np.array([omega, zeta, theta[2], theta[3], width, exponent, theta[6], theta[7]])
         y = _integrate(force.values, force.steps, constants)[force.lead_in :]
         return np.column_stack([np.ones(y.size), y])
 
@@ -139,32 +140,31 @@ def _excerpts(records: Sequence[Record]) -> list[Record]:
 def _integrate(values: FloatArray, steps: FloatArray, constants: FloatArray) -> FloatArray:
     """Return the displacement at each sample, from rest, by the Runge-Kutta method."""
     displacement = np.zeros(steps.size + 1)
-    state = np.zeros(3)
+    y, v, z = 0.0, 0.0, 0.0
     for sample in range(steps.size):
         h = steps[sample] / SUBSTEPS
         for part in range(SUBSTEPS):
-            first = _rates(state, values[sample, 2 * part], constants)
-            second = _rates(state + 0.5 * h * first, values[sample, 2 * part + 1], constants)
-            third = _rates(state + 0.5 * h * second, values[sample, 2 * part + 1], constants)
-            fourth = _rates(state + h * third, values[sample, 2 * part + 2], constants)
-            state = state + h / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-        if not abs(state[0]) < LIMIT:
+            start, middle, end = values[sample, 2 * part : 2 * part + 3]
+            y1, v1, z1 = _rates(y, v, z, start, constants)
+            y2, v2, z2 = _rates(y + h / 2 * y1, v + h / 2 * v1, z + h / 2 * z1, middle, constants)
+            y3, v3, z3 = _rates(y + h / 2 * y2, v + h / 2 * v2, z + h / 2 * z2, middle, constants)
+            y4, v4, z4 = _rates(y + h * y3, v + h * v3, z + h * z3, end, constants)
+            y += h / 6.0 * (y1 + 2.0 * y2 + 2.0 * y3 + y4)
+            v += h / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4)
+            z += h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+        if not abs(y) < LIMIT:
             displacement[sample + 1 :] = LIMIT
             break
-        displacement[sample + 1] = state[0]
+        displacement[sample + 1] = y
     return displacement
 
 
 @compiled
-def _rates(state: FloatArray, force: float, constants: FloatArray) -> FloatArray:
+def _rates(y: float, v: float, z: float, force: float, constants: FloatArray) -> tuple[float, float, float]:
     """Return the derivatives of displacement, velocity and hysteretic state."""
-    omega, zeta, cubic, share, width, exponent, beta = constants
-    y, v, z = state
+    omega, zeta, cubic, share, width, exponent, loading, unloading = constants
     ratio = min(abs(z) / width, 10.0)
-    bracket = beta * np.sign(z * v) + 1.0 - beta
-    spring = y + cubic * y**3 + share * z
-    rates = np.empty(3)
-    rates[0] = v
-    rates[1] = omega * omega * (force - spring) - 2.0 * zeta * omega * v
-    rates[2] = v * (1.0 - ratio**exponent * bracket)
-    return rates
+    bracket = loading if z * v > 0.0 else unloading
+    spring = y + cubic * y * y * y + share * z
+    acceleration = omega * omega * (force - spring) - 2.0 * zeta * omega * v
+    return v, acceleration, v * (1.0 - bracket * ratio**exponent)

@@ -1,7 +1,7 @@
 """An extended Bouc-Wen model, static or with a second-order oscillator.
 
 The hysteretic state follows the equation of Bouc (1967) and Wen (J. Eng. Mech. 102, 1976),
-``dz = du (1 - |z/w|^n (beta sgn(z du) + gamma))`` with ``beta + gamma = 1``, and its generalisation
+``dz = du (1 - |z/w|^n (beta sgn(z du) + gamma))``, and its generalisation
 for asymmetric loops (Song and Der Kiureghian, J. Eng. Mech. 132, 2006), whose bracket has six terms.
 It depends on the input only, and not on its speed. The output adds an elastic part, which is a
 polynomial of the input, and the hysteretic part with a gain that is linear in the input.
@@ -33,24 +33,27 @@ BOUNDS = np.array(
     [
         (-5.0, 1.0),  # logarithm of the width w
         (-1.5, 2.5),  # logarithm of the exponent n
-        (0.5, 4.0),  # beta; gamma is 1 - beta
+        (-1.0, 1.0),  # beta + gamma, which counts while the hysteretic part grows
+        (-1.5, 1.0),  # gamma - beta, which counts while it decreases
         *[(-1.0, 1.0)] * 4,  # terms of u du, u z, du and u, which make loops asymmetric
     ]
 )
 """Bounds of the parameters; the unit of the input is its largest value in the training records."""
 
-SYMMETRIC = 3
+SYMMETRIC = 4
 """Number of parameters of the symmetric equation, which the evolution starts from."""
 
 DEGREE = 7
 SAMPLES_TO_EVOLVE = 700
 SAMPLES_TO_POLISH = 2500
-EVALUATIONS = 2500
+EVALUATIONS = 4000
 EVALUATIONS_TO_POLISH = 60
 MAX_STEP = 0.25
 """Largest step of the integration, relative to the width."""
 
 MAX_STEPS_PER_SAMPLE = 10
+MAX_STATE = 10.0
+"""Largest hysteretic state relative to the width; some asymmetric equations have no bound."""
 
 
 class _StaticBoucWen:
@@ -120,7 +123,7 @@ def _residual(theta: FloatArray, drive: Drive, scored: BoolArray) -> FloatArray:
 
 def _features(theta: FloatArray, drive: Drive) -> FloatArray:
     """Return the polynomials of the input and the hysteretic parts at each sample of the records."""
-    z = _run_hysteresis(drive.input, drive.is_start, np.exp(theta[0]), np.exp(theta[1]), theta[2], theta[3:])
+    z = _run_hysteresis(drive.input, drive.is_start, np.exp(theta[0]), np.exp(theta[1]), theta[2:])
     u, z = drive.input[drive.rows], z[drive.rows]
     inside = np.clip(u, -1.0, 1.0)
     elastic = chebyshev.chebvander(inside, DEGREE)
@@ -131,7 +134,7 @@ def _features(theta: FloatArray, drive: Drive) -> FloatArray:
 
 @compiled
 def _run_hysteresis(
-    u: FloatArray, is_start: BoolArray, width: float, exponent: float, beta: float, asymmetry: FloatArray
+    u: FloatArray, is_start: BoolArray, width: float, exponent: float, terms: FloatArray
 ) -> FloatArray:
     """Return the hysteretic state relative to the width; each start is at rest."""
     states = np.empty(u.size)
@@ -143,20 +146,20 @@ def _run_hysteresis(
         steps = min(MAX_STEPS_PER_SAMPLE, int(abs(change) / (MAX_STEP * width)) + 1)
         du = change / steps
         for _ in range(steps):
-            half = z + 0.5 * du / width * _slope(z, position, du, exponent, beta, asymmetry)
-            z += du / width * _slope(half, position + 0.5 * du, du, exponent, beta, asymmetry)
-            z = max(-2.0, min(2.0, z))
+            half = z + 0.5 * du / width * _slope(z, position, du, exponent, terms)
+            z += du / width * _slope(half, position + 0.5 * du, du, exponent, terms)
+            z = max(-MAX_STATE, min(MAX_STATE, z))
             position += du
         states[sample] = z
     return states
 
 
 @compiled
-def _slope(z: float, u: float, du: float, exponent: float, beta: float, asymmetry: FloatArray) -> float:
+def _slope(z: float, u: float, du: float, exponent: float, terms: FloatArray) -> float:
     """Return the derivative of the hysteretic state, relative to the inverse width."""
     su, sd, sz = np.sign(u), np.sign(du), np.sign(z)
-    bracket = beta * sz * sd + 1.0 - beta
-    bracket += asymmetry[0] * su * sd + asymmetry[1] * su * sz + asymmetry[2] * sd + asymmetry[3] * su
+    bracket = terms[0] if sz * sd > 0.0 else terms[1]
+    bracket += terms[2] * su * sd + terms[3] * su * sz + terms[4] * sd + terms[5] * su
     return float(1.0 - abs(z) ** exponent * bracket)
 
 
