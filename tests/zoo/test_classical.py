@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from benchmarks.zoo.model import Factory, Model
-from benchmarks.zoo.models import (
-    bouc_wen,
-    jiles_atherton,
-    prandtl_ishlinskii,
-    preisach_nnls,
-    single_valued,
-    state_space,
-)
-from benchmarks.zoo.models._over_schedule import OverSchedule
-from benchmarks.zoo.records import FloatArray, Record
+if TYPE_CHECKING:  # mypy reads the folder of benchmarks as a root of its own
+    from zoo.model import Factory, Model
+    from zoo.models import bouc_wen, jiles_atherton, prandtl_ishlinskii
+    from zoo.models import preisach_nnls, single_valued, state_space
+    from zoo.models._over_schedule import OverSchedule
+    from zoo.records import FloatArray, Record
+else:
+    from benchmarks.zoo.models import bouc_wen, jiles_atherton, prandtl_ishlinskii
+    from benchmarks.zoo.models import preisach_nnls, single_valued, state_space
+    from benchmarks.zoo.models._over_schedule import OverSchedule
+    from benchmarks.zoo.records import Record
 
-Law = Callable[[Record], FloatArray]
+Law = Callable[["Record"], "FloatArray"]
 SAMPLES = 160
 
 
@@ -108,7 +109,7 @@ def bouc(record: Record) -> FloatArray:
     return record.path.cut(np.array(output) + 0.4 * record.path.input)
 
 
-LAWS: dict[str, tuple[dict[str, Factory], Law, float]] = {
+LAWS: dict[str, tuple[Mapping[str, Factory], Law, float]] = {
     "Preisach, NNLS": (preisach_nnls.MODELS, preisach, 0.02),
     "Prandtl-Ishlinskii": (prandtl_ishlinskii.MODELS, plays, 0.01),
     "Jiles-Atherton": (jiles_atherton.MODELS, jiles, 0.03),

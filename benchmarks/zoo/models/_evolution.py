@@ -17,7 +17,7 @@ from ..records import BoolArray, FloatArray, Record
 
 SEED = 53
 RIDGE = 1e-8
-POPULATION_PER_PARAMETER = 7
+POPULATION_PER_PARAMETER = 10
 
 Residual = Callable[[FloatArray], FloatArray]
 
@@ -49,9 +49,7 @@ class Drive:
         )
 
 
-def evolve(
-    residual: Residual, bounds: FloatArray, evaluations: int, start: FloatArray | None = None
-) -> FloatArray:
+def evolve(residual: Residual, bounds: FloatArray, evaluations: int) -> FloatArray:
     """Return the parameters with about the least sum of squared residuals within bounds."""
     population = POPULATION_PER_PARAMETER * len(bounds)
     result = differential_evolution(
@@ -61,9 +59,8 @@ def evolve(
         popsize=POPULATION_PER_PARAMETER,
         mutation=(0.4, 0.9),
         recombination=0.8,
-        init="sobol" if start is None else "latinhypercube",
-        x0=start,
-        tol=1e-4,
+        init="sobol",
+        tol=1e-6,
         polish=False,
         rng=SEED,
     )

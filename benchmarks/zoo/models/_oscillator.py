@@ -36,7 +36,7 @@ SAMPLES_TO_EVOLVE = 1200
 UNSETTLED_SHARE = 0.3
 """Share of an excerpt that does not count, because the excerpt starts at rest."""
 
-EVALUATIONS = 5000
+EVALUATIONS = 8000
 EVALUATIONS_TO_POLISH = 40
 SUBSTEPS = 3
 LIMIT = 1e3

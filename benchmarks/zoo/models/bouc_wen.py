@@ -3,8 +3,9 @@
 The hysteretic state follows the equation of Bouc (1967) and Wen (J. Eng. Mech. 102, 1976),
 ``dz = du (1 - |z/w|^n (beta sgn(z du) + gamma))``, and its generalisation
 for asymmetric loops (Song and Der Kiureghian, J. Eng. Mech. 132, 2006), whose bracket has six terms.
-It depends on the input only, and not on its speed. The output adds an elastic part, which is a
-polynomial of the input, and the hysteretic part with a gain that is linear in the input.
+It depends on the input only, and not on its speed. The output adds a nonlinear elastic part and the
+hysteretic part with a gain that depends on the input, so that loops close at saturation. Both are
+piecewise linear functions of the input.
 
 If the records have times, the oscillator of Noel and Schoukens (Workshop on Nonlinear System
 Identification Benchmarks, 2016) is fitted too: the input is a force, the output is a displacement
@@ -20,21 +21,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._evolution import Drive, evolve, polish, solve_linear
 from ._oscillator import Oscillator
 from ._over_schedule import OverSchedule
-from ._training import Scaling, thin
+from ._training import Scaling, grid_lines, hats, thin
 
 BOUNDS = np.array(
     [
         (-5.0, 1.0),  # logarithm of the width w
         (-1.5, 2.5),  # logarithm of the exponent n
         (-1.0, 1.0),  # beta + gamma, which counts while the hysteretic part grows
-        (-1.5, 1.0),  # gamma - beta, which counts while it decreases
+        (-5.0, 1.0),  # gamma - beta, which counts while it decreases
         *[(-1.0, 1.0)] * 4,  # terms of u du, u z, du and u, which make loops asymmetric
     ]
 )
@@ -43,15 +43,16 @@ BOUNDS = np.array(
 SYMMETRIC = 4
 """Number of parameters of the symmetric equation, which the evolution starts from."""
 
-DEGREE = 7
-SAMPLES_TO_EVOLVE = 700
-SAMPLES_TO_POLISH = 2500
-EVALUATIONS = 4000
-EVALUATIONS_TO_POLISH = 60
+ELASTIC_KNOTS = 14
+GAIN_KNOTS = 6
+SAMPLES_TO_EVOLVE = 800
+SAMPLES_TO_POLISH = 2000
+EVALUATIONS = 5000
+EVALUATIONS_TO_POLISH = 40
 MAX_STEP = 0.25
 """Largest step of the integration, relative to the width."""
 
-MAX_STEPS_PER_SAMPLE = 10
+MAX_STEPS_PER_SAMPLE = 6
 MAX_STATE = 10.0
 """Largest hysteretic state relative to the width; some asymmetric equations have no bound."""
 
@@ -61,33 +62,49 @@ class _StaticBoucWen:
 
     def fit(self, records: Sequence[Record]) -> float:
         """Fit the model and return the mean squared error at the samples that count."""
+        self._elastic = grid_lines(records, ELASTIC_KNOTS - 1)
+        self._gain = grid_lines(records, GAIN_KNOTS - 1)
         thinned = thin(records, SAMPLES_TO_EVOLVE)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def coarse(theta: FloatArray) -> FloatArray:
-            return _residual(np.pad(theta, (0, len(BOUNDS) - SYMMETRIC)), drive, scored)
+            return self._residual(np.pad(theta, (0, len(BOUNDS) - SYMMETRIC)), drive, scored)
 
         start = evolve(coarse, BOUNDS[:SYMMETRIC], EVALUATIONS)
         thinned = thin(records, SAMPLES_TO_POLISH)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def fine(theta: FloatArray) -> FloatArray:
-            return _residual(theta, drive, scored)
+            return self._residual(theta, drive, scored)
 
         start = np.pad(start, (0, len(BOUNDS) - SYMMETRIC))
         self._theta = polish(fine, start, BOUNDS, EVALUATIONS_TO_POLISH)
-        features = _features(self._theta, drive)[scored]
+        features = self._features(self._theta, drive)[scored]
         self._coefficients = solve_linear(features, drive.output[scored])
         return float(np.mean((drive.output[scored] - features @ self._coefficients) ** 2))
 
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
-        output: FloatArray = _features(self._theta, Drive.of([record])) @ self._coefficients
+        output: FloatArray = self._features(self._theta, Drive.of([record])) @ self._coefficients
         return output
 
     def n_parameters(self) -> int:
         """Return the parameters of the equation and the coefficients of the output."""
         return len(self._theta) + len(self._coefficients)
+
+    def _residual(self, theta: FloatArray, drive: Drive, scored: BoolArray) -> FloatArray:
+        """Return the residual at the scored samples with the best coefficients of the output."""
+        features, output = self._features(theta, drive)[scored], drive.output[scored]
+        residual: FloatArray = output - features @ solve_linear(features, output)
+        return residual
+
+    def _features(self, theta: FloatArray, drive: Drive) -> FloatArray:
+        """Return the regressors of both parts at each sample of the records."""
+        width, exponent = np.exp(theta[:2])
+        z = _run_hysteresis(drive.input, drive.is_start, width, exponent, theta[2:])[drive.rows]
+        u = drive.input[drive.rows]
+        gains = z[:, None] * hats(np.clip(u, self._gain[0], self._gain[-1]), self._gain)
+        return np.hstack([hats(u, self._elastic), gains])
 
 
 class BoucWen:
@@ -112,24 +129,6 @@ class BoucWen:
     def n_parameters(self) -> int:
         """Return the number of parameters of the model that is kept."""
         return self._model.n_parameters()
-
-
-def _residual(theta: FloatArray, drive: Drive, scored: BoolArray) -> FloatArray:
-    """Return the residual at the scored samples with the best coefficients of the output."""
-    features, output = _features(theta, drive)[scored], drive.output[scored]
-    residual: FloatArray = output - features @ solve_linear(features, output)
-    return residual
-
-
-def _features(theta: FloatArray, drive: Drive) -> FloatArray:
-    """Return the polynomials of the input and the hysteretic parts at each sample of the records."""
-    z = _run_hysteresis(drive.input, drive.is_start, np.exp(theta[0]), np.exp(theta[1]), theta[2:])
-    u, z = drive.input[drive.rows], z[drive.rows]
-    inside = np.clip(u, -1.0, 1.0)
-    elastic = chebyshev.chebvander(inside, DEGREE)
-    slopes = np.arange(DEGREE + 1) ** 2 * np.where(u[:, None] < 0.0, (-1.0) ** np.arange(1, DEGREE + 2), 1.0)
-    elastic += (u - inside)[:, None] * slopes
-    return np.column_stack([elastic, z, u * z])
 
 
 @compiled
