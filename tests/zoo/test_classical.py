@@ -11,13 +11,25 @@ import pytest
 
 if TYPE_CHECKING:  # mypy reads the folder of benchmarks as a root of its own
     from zoo.model import Factory, Model
-    from zoo.models import bouc_wen, jiles_atherton, prandtl_ishlinskii
-    from zoo.models import preisach_nnls, single_valued, state_space
+    from zoo.models import (
+        bouc_wen,
+        jiles_atherton,
+        prandtl_ishlinskii,
+        preisach_nnls,
+        single_valued,
+        state_space,
+    )
     from zoo.models._over_schedule import OverSchedule
     from zoo.records import FloatArray, Record
 else:
-    from benchmarks.zoo.models import bouc_wen, jiles_atherton, prandtl_ishlinskii
-    from benchmarks.zoo.models import preisach_nnls, single_valued, state_space
+    from benchmarks.zoo.models import (
+        bouc_wen,
+        jiles_atherton,
+        prandtl_ishlinskii,
+        preisach_nnls,
+        single_valued,
+        state_space,
+    )
     from benchmarks.zoo.models._over_schedule import OverSchedule
     from benchmarks.zoo.records import Record
 

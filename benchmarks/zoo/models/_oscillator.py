@@ -33,11 +33,13 @@ BOUNDS = np.array(
 """Bounds of the parameters in the time unit of the linear estimate."""
 
 SAMPLES_TO_EVOLVE = 1200
+SAMPLES_TO_POLISH = 3000
 UNSETTLED_SHARE = 0.3
 """Share of an excerpt that does not count, because the excerpt starts at rest."""
 
-EVALUATIONS = 8000
+EVALUATIONS = 6000
 EVALUATIONS_TO_POLISH = 40
+EVALUATIONS_TO_FINISH = 5
 SUBSTEPS = 3
 LIMIT = 1e3
 """Displacement at which a simulation counts as unstable; the static displacement is 1."""
@@ -68,10 +70,12 @@ class Oscillator:
     def fit(self, records: Sequence[Record]) -> float:
         """Fit the model and return the mean squared error at the samples that count."""
         self._frequency = _estimate_frequency(records)
-        coarse = self._residual_of(_excerpts(records))
+        coarse = self._residual_of(_excerpts(records, SAMPLES_TO_EVOLVE))
+        middle = self._residual_of(_excerpts(records, SAMPLES_TO_POLISH))
         fine = self._residual_of(records)
         start = evolve(lambda theta: coarse(theta)[0], BOUNDS, EVALUATIONS)
-        self._theta = polish(lambda theta: fine(theta)[0], start, BOUNDS, EVALUATIONS_TO_POLISH)
+        near = polish(lambda theta: middle(theta)[0], start, BOUNDS, EVALUATIONS_TO_POLISH)
+        self._theta = polish(lambda theta: fine(theta)[0], near, BOUNDS, EVALUATIONS_TO_FINISH)
         residual, self._coefficients = fine(self._theta)
         return float(np.mean(residual**2))
 
@@ -122,9 +126,9 @@ def _estimate_frequency(records: Sequence[Record]) -> float:
     return 2.0 * np.pi * float(frequency[max(int(np.argmax(gain)), 1)])
 
 
-def _excerpts(records: Sequence[Record]) -> list[Record]:
+def _excerpts(records: Sequence[Record], count: int) -> list[Record]:
     """Return the first part of each record; the unsettled part of it does not count."""
-    length = max(SAMPLES_TO_EVOLVE // len(records), 200)
+    length = max(count // len(records), 200)
     excerpts = []
     for record in records:
         assert record.time is not None
