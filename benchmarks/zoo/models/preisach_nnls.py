@@ -4,8 +4,9 @@ The density is constant in each cell of the grid, and the output is an integral 
 that are up. The staircase of past extrema gives this integral in closed form (Mayergoyz,
 Mathematical Models of Hysteresis, 1991), so that the output is continuous and no relay is
 quantised. The grid is finer where input and output change. A single-valued function adds the
-reversible part and the offset. Differences of neighbouring densities are penalised (as Hoffmann
-and Sprekels proposed for its identification, 1989). The number of grid lines and the penalty are
+reversible part and the offset. The identification by least squares follows Hoffmann and Meyer
+(Numerische Mathematik 55, 1989); in addition, differences of neighbouring densities are penalised.
+The number of grid lines and the penalty are
 those with the smallest error on withheld parts of the training records, and so is whether the
 density may be negative: butterfly loops need both signs. If the input has one sign, one more row of
 cells contains the relays whose other threshold has the opposite sign.
