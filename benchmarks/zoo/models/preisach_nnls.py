@@ -6,10 +6,10 @@ Mathematical Models of Hysteresis, 1991), so that the output is continuous and n
 quantised. The grid is finer where input and output change. A single-valued function adds the
 reversible part and the offset. The identification by least squares follows Hoffmann and Meyer
 (Numerische Mathematik 55, 1989); in addition, differences of neighbouring densities are penalised.
-The number of grid lines and the penalty are
-those with the smallest error on withheld parts of the training records, and so is whether the
-density may be negative: butterfly loops need both signs. If the input has one sign, one more row of
-cells contains the relays whose other threshold has the opposite sign.
+The number of grid lines and the penalty are those with the smallest error on withheld parts of the
+training records, and so is whether the density may be negative: butterfly loops need both signs. If
+the input has one sign, one more row of cells contains the relays whose other threshold has the
+opposite sign.
 
 The fit is a strictly convex quadratic programme. Block principal pivoting solves it exactly (Kim
 and Park, SIAM J. Sci. Comput. 33, 2011).
@@ -35,6 +35,9 @@ REVERSIBLE_KNOTS = 24
 CURVATURE_PENALTY = 1e-5
 RIDGE = 1e-9
 MAX_SAMPLES_TO_CHOOSE = 1500
+
+MAX_EXCHANGES = 300
+"""Largest number of exchanges; rounding could make the exchanges repeat."""
 
 MARGIN = 0.1
 """Width of the cells beyond the range of the input, which continue the density; relative to the range."""
@@ -193,12 +196,12 @@ def _solve(
     """Return the minimiser of the quadratic form whose first weights are nonnegative.
 
     The pivoting exchanges all infeasible variables as long as their number decreases, and after
-    three failures only the last one, which always terminates.
+    three failures only the last one, which terminates in exact arithmetic.
     """
     free = np.ones(target.size, np.bool_) if start is None else start != 0.0
     bounded = np.arange(target.size) < bounded_count
     fewest, chances = target.size + 1, 3
-    while True:
+    for _ in range(MAX_EXCHANGES):
         weights = _solve_free(matrix, target, free)
         gradient = matrix @ weights - target
         scale = 1e-10 * float(np.max(np.abs(target)))
@@ -214,6 +217,7 @@ def _solve(
             last = int(np.flatnonzero(infeasible)[-1])
             infeasible = np.arange(target.size) == last
         free = free ^ infeasible
+    return np.where(bounded, np.maximum(weights, 0.0), weights)
 
 
 def _solve_free(matrix: FloatArray, target: FloatArray, free: BoolArray) -> FloatArray:
