@@ -27,7 +27,7 @@ from ._compiled import compiled
 from ._evolution import Drive, evolve, polish, solve_linear
 from ._oscillator import Oscillator
 from ._over_schedule import OverSchedule
-from ._training import Scaling, grid_lines, hats, thin
+from ._withheld import Scaling, grid_lines, hats, thin
 
 BOUNDS = np.array(
     [

@@ -22,7 +22,7 @@ from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._evolution import Drive, evolve, polish, solve_linear
 from ._over_schedule import OverSchedule
-from ._training import Scaling, thin
+from ._withheld import Scaling, thin
 
 BOUNDS = np.array(
     [

@@ -25,7 +25,7 @@ from scipy.optimize import nnls
 from ..records import FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._training import Scaling, from_rest, grid_lines, hats, thin, withheld
+from ._withheld import Scaling, from_rest, grid_lines, hats, thin, withheld
 
 THRESHOLDS = 32
 OUTPUT_KNOTS = 20

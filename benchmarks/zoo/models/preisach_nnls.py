@@ -26,7 +26,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._training import Scaling, grid_lines, hats, thin, withheld
+from ._withheld import Scaling, grid_lines, hats, thin, withheld
 
 SIDES = (20, 32, 50)
 PENALTIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)

@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from ..records import FloatArray, Record
 from ._over_schedule import OverSchedule
-from ._training import Scaling, grid_lines, withheld
+from ._withheld import Scaling, grid_lines, withheld
 
 INTERVALS = (1, 2, 4, 8, 16, 32)
 PENALTIES = (1e-8, 1e-5, 1e-2)

@@ -20,7 +20,7 @@ from scipy.signal import lfilter, lfilter_zi
 from ..records import BoolArray, FloatArray, Record
 from ._evolution import solve_linear
 from ._over_schedule import OverSchedule
-from ._training import Scaling, withheld
+from ._withheld import Scaling, withheld
 
 ORDERS = (1, 2, 3, 4, 5, 6)
 FOLDS = 2
