@@ -24,7 +24,7 @@ from anhyst.identification.any_law import fit_any_law
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_BY_SHAPE
 from anhyst.identification.cell_problem import LAW as CREEPING_LAW
-from anhyst.identification.creeping import fit_creeping
+from anhyst.identification.creeping import deviates_widely, fit_creeping, select_closer_law
 from anhyst.identification.default_search import CONVERGED_STOP, descend_from
 from anhyst.identification.fit_records import make_fit_records, read_rest_offsets
 from anhyst.identification.flux_force import (
@@ -122,8 +122,9 @@ def identify(
     def fit_static(static_loops: Loops, previous_outcome: Outcome | None) -> Outcome:
         """Find the model of loops of one speed; with a previous outcome, continue its fit."""
         law_name, cells = _laws_to_compare(static_loops, law, search)
-        if _needs_creep_fit(static_loops, law, search):
-            return fit_creeping(static_loops)
+        creeping = fit_creeping(static_loops) if _needs_creep_fit(static_loops, law, search) else None
+        if creeping is not None and (law != AUTO or not deviates_widely(creeping, static_loops)):
+            return creeping
         if LAWS[law_name].kernel is None:
             records = make_fit_records(static_loops, weights)
             require_gaps(records, gap_map)
@@ -133,7 +134,7 @@ def identify(
         readings_at_rest = read_rest_offsets(static_loops) if offsets and search == "default" else None
         run = SearchRun(
             form=make_response_form(static_loops.input, static_loops.output, law_name),
-            shapes=cells,
+            shapes=() if creeping else cells,
             # their layers compile, and they get the width of loops measured in addition to a table
             needs_cells=law != AUTO or static_loops is not loops or bool(tables and measured),
             records=make_fit_records(static_loops, weights, readings_at_rest),
@@ -149,6 +150,8 @@ def identify(
             if previous_outcome
             else _run_search(run, static_loops, gap_map, search)
         )
+        if creeping is not None:
+            return select_closer_law(creeping, outcome, static_loops)
         resolved_model = free_unresolved_cells(outcome.model, static_loops)
         return (
             replace(outcome, model=resolved_model)
