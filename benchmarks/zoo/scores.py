@@ -102,10 +102,10 @@ def score(model: Model, task: Task) -> tuple[Scores, list[FloatArray]]:
 
 def _predict(model: Model, records: Sequence[Record]) -> tuple[list[FloatArray], float]:
     """Return the outputs of records and the processor time of a sample, µs."""
-    hidden = [record.without_output() for record in records]
-    model.predict(hidden[0])  # the first call may compile
+    hidden_records = [record.without_output() for record in records]
+    model.predict(hidden_records[0])  # the first call may compile
     began = time.process_time()
-    outputs = [model.predict(record) for record in hidden]
+    outputs = [model.predict(record) for record in hidden_records]
     seconds = time.process_time() - began
     for output, record in zip(outputs, records, strict=True):
         if output.shape != record.output.shape or not np.all(np.isfinite(output)):
