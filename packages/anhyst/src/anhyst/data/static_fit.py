@@ -41,9 +41,12 @@ class EvenRecord:
         count = -(-self.drive.size // samples)
         return self.average_blocks(count) if count > 1 else self
 
-    def first_samples(self, samples: int) -> EvenRecord:
-        """Return the first samples without their means."""
-        drive, output = (signal[:samples] - signal[:samples].mean() for signal in (self.drive, self.output))
+    def largest_window(self, samples: int) -> EvenRecord:
+        """Return the window of at most ``samples`` samples with the largest output, without means."""
+        starts = range(0, max(self.drive.size - samples, 0) + 1, max(samples // 2, 1))
+        start = max(starts, key=lambda start: float(np.std(self.output[start : start + samples])))
+        windows = (signal[start : start + samples] for signal in (self.drive, self.output))
+        drive, output = (window - window.mean() for window in windows)
         return EvenRecord(drive, output, self.step)
 
 
