@@ -52,6 +52,8 @@ _MIN_FREQUENCY_SHARE = 0.005
 """Lowest start frequency of a fit, as a fraction of the sampling rate; lower sampling rates follow."""
 _LAG_SAMPLES = (0.0, *(0.5 * 2.0**exponent for exponent in range(10)))
 """Lags of a static law that are compared with dynamics, in samples."""
+_MAX_SHARE_RATIO = 3.0
+"""Maximum residual at a higher sampling rate that is preferred, relative to the smallest residual."""
 _MAX_ITERATIONS = 12
 
 
@@ -95,7 +97,13 @@ def find_dynamics(loopset: Loops) -> Dynamics | None:
             min_static_share = max(share / MAX_RMS_RATIO, dynamics.min_static_share)
             static_shares = itertools.chain(_static_shares(record), _static_shares(records[0]))
             if all(static_share > min_static_share for static_share in static_shares):
-                return dynamics
+                # A higher sampling rate has less aliasing.
+                return next(
+                    finer_dynamics
+                    for finer_share, _, finer_dynamics in candidates
+                    if finer_share <= _MAX_SHARE_RATIO * share
+                    and (finer_dynamics.damping is None) == (dynamics.damping is None)
+                )
     return None
 
 
@@ -150,8 +158,9 @@ def _fit_dead_time(record: EvenRecord) -> tuple[float, Dynamics] | None:
     delay = int(np.argmax(correlation[: record.drive.size // 4]))
     if delay == 0:
         return None
-    rms = static_fit_rms(record.drive[:-delay], record.output[delay:])
-    return rms / _variation(record.output), Dynamics(1.0 / (delay * record.step), None)
+    delayed_drive = np.concatenate([np.full(delay, record.drive[0]), record.drive[:-delay]])
+    share = static_fit_rms(delayed_drive, record.output) / _variation(record.output)
+    return share, Dynamics(1.0 / (delay * record.step), None)
 
 
 def _is_sine(drive: FloatArray) -> bool:
