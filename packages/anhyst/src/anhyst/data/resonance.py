@@ -29,14 +29,10 @@ MAX_RESONANCE_DAMPING = 0.25
 """Maximum damping ratio of a response that is called a resonance."""
 MAX_DAMPING = 0.75
 """Maximum damping ratio of dynamics; a loop without dynamics can look like a larger damping."""
-MIN_PERIODS = 3.0
-"""Minimum number of periods of an oscillation in a record."""
-MIN_PERIODS_PER_DAMPING = 40.0
-"""Minimum number of periods in a record, relative to the damping ratio; reversals are fewer."""
+MIN_PERIODS, MIN_PERIODS_PER_DAMPING = 3.0, 40.0
+"""Minimum number of periods of an oscillation in a record, and its ratio to the damping ratio."""
 MIN_DAMPING = 5e-4
 """Minimum damping ratio of a mechanical resonance; mains hum has less."""
-MAX_QUASI_STATIC_SHARE = 0.05
-"""Maximum input frequency of a quasi-static record, relative to the frequency of the dynamics."""
 MIN_SINE_POWER_SHARE = 0.997
 """Minimum fraction of the power of a sine at one frequency; the fraction of a triangle is 0.986."""
 MIN_FORCED_SHARE = 0.3
@@ -48,8 +44,6 @@ _MAX_WINDOW_SAMPLES = 8192
 _MIN_SAMPLES = 128
 _MAX_FREQUENCY_SHARE = 0.4
 """Highest analysed frequency, as a fraction of the sampling rate."""
-_MIN_FREQUENCY_SHARE = 0.005
-"""Lowest start frequency of a fit, as a fraction of the sampling rate; lower sampling rates follow."""
 _LAG_SAMPLES = (0.0, *(0.5 * 2.0**exponent for exponent in range(10)))
 """Lags of a static law that are compared with dynamics, in samples."""
 _MAX_SHARE_RATIO = 3.0
@@ -68,11 +62,6 @@ class Dynamics:
     def is_resonance(self) -> bool:
         """Whether the damping is so small that hysteresis cannot look like this oscillation."""
         return self.damping is not None and self.damping <= MAX_RESONANCE_DAMPING
-
-    @property
-    def min_static_share(self) -> float:
-        """Minimum residual of a static law after a lag, relative to the variation of the output."""
-        return MIN_RESONANCE_STATIC_SHARE if self.is_resonance else MIN_STATIC_SHARE
 
 
 def find_dynamics(loopset: Loops) -> Dynamics | None:
@@ -94,16 +83,13 @@ def find_dynamics(loopset: Loops) -> Dynamics | None:
             for share, dynamics in filter(None, (_fit_oscillation(record), _fit_dead_time(record)))
         ]
         for share, record, dynamics in sorted(candidates, key=lambda candidate: candidate[0]):
-            min_static_share = max(share / MAX_RMS_RATIO, dynamics.min_static_share)
+            own_limit = MIN_RESONANCE_STATIC_SHARE if dynamics.is_resonance else MIN_STATIC_SHARE
+            min_static_share = max(share / MAX_RMS_RATIO, own_limit)
             static_shares = itertools.chain(_static_shares(record), _static_shares(records[0]))
             if all(static_share > min_static_share for static_share in static_shares):
                 # A higher sampling rate has less aliasing.
-                return next(
-                    finer_dynamics
-                    for finer_share, _, finer_dynamics in candidates
-                    if finer_share <= _MAX_SHARE_RATIO * share
-                    and (finer_dynamics.damping is None) == (dynamics.damping is None)
-                )
+                equals = [d for r, _, d in candidates if r <= _MAX_SHARE_RATIO * share]
+                return next(d for d in equals if (d.damping is None) == (dynamics.damping is None))
     return None
 
 
@@ -113,10 +99,7 @@ def describe_dynamics(loopset: Loops) -> str:
     if dynamics is None:
         return ""
     frequency, damping = dynamics.frequency, dynamics.damping
-    drive, slow = (
-        loopset.input.name,
-        f"measure more slowly (below {MAX_QUASI_STATIC_SHARE * frequency:.2g} Hz)",
-    )
+    drive, slow = (loopset.input.name, f"measure more slowly (below {frequency / 20.0:.2g} Hz)")
     if damping is None:
         return f"the output follows the {drive} after a dead time of about {1e3 / frequency:.3g} ms; {slow}"
     if dynamics.is_resonance:
@@ -180,7 +163,7 @@ def _propose_frequency(record: EvenRecord) -> float:
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(y.size - 2)])
     poles = np.roots([1.0, *(-np.linalg.lstsq(columns, y[2:])[0][:2])]).astype(np.complex128)
     cycles = float(np.sqrt(np.prod(np.abs(np.log(poles + 1e-12))))) / (2.0 * np.pi)
-    return min(max(cycles, _MIN_FREQUENCY_SHARE), _MAX_FREQUENCY_SHARE) / record.step
+    return min(max(cycles, 0.005), _MAX_FREQUENCY_SHARE) / record.step
 
 
 def _fit_oscillation(record: EvenRecord) -> tuple[float, Dynamics] | None:
