@@ -18,7 +18,7 @@ from anhyst.data.coil_lag import describe_coil_lag
 from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.resonance import describe_resonance
+from anhyst.data.resonance import MIN_STATIC_SHARE, describe_dynamics
 from anhyst.data.speeds import SpeedGroups, explain_no_rate, group_by_speed, spread_equal_times
 from anhyst.identification.any_law import fit_any_law
 from anhyst.identification.candidates import require_gaps
@@ -215,7 +215,8 @@ def identify(
         stages=cpu_times,
         evaluations=outcome.evaluations,
         interrupted=outcome.is_interrupted,
-        rejection=describe_resonance(loops) or explain_rejection(residual, loops),
+        rejection=(residual.share > MIN_STATIC_SHARE and describe_dynamics(loops))
+        or explain_rejection(residual, loops),
     )
 
 
