@@ -21,6 +21,8 @@ CYCLES = 4
 BIASES = (0.25, 0.5, 0.75)
 AMPLITUDES = (0.05, 0.15)
 """Bias and amplitude of the minor loops, as fractions of the input range."""
+MIN_ODD_CORRELATION = 0.5
+"""Smallest correlation of input and output for which the output is not an even function."""
 PASSIVE_LOSS = -1e-4
 """Smallest loss of a cycle, relative to the product of the ranges, that counts as passive."""
 
@@ -37,6 +39,16 @@ class Behaviour:
     def is_passive(self) -> bool:
         """Whether no probed cycle delivers energy."""
         return self.smallest_loss >= PASSIVE_LOSS
+
+
+def has_even_output(training: Sequence[Record]) -> bool:
+    """Whether the output is the same for both signs of the input, as a force of a bipolar current.
+
+    Its inverse has two solutions, and its loops run in both directions.
+    """
+    drive = np.concatenate([record.input for record in training])
+    output = np.concatenate([record.output for record in training])
+    return bool(abs(np.corrcoef(drive, output)[0, 1]) < MIN_ODD_CORRELATION)
 
 
 def probe_behaviour(model: Model, training: Sequence[Record]) -> Behaviour:
