@@ -103,8 +103,7 @@ def identify(
 
     After ctrl-C, the result is the best model so far, marked as interrupted.
     """
-    start, cpu_start = time.perf_counter(), time.process_time()
-    cpu_times: dict[str, float] = {}
+    start, cpu_start, cpu_times = time.perf_counter(), time.process_time(), dict[str, float]()
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
     derived, flux_warnings = _derive_wanted_force(loops, output, calibration, seed)
