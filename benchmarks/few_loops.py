@@ -101,7 +101,7 @@ def _read_loops(
 ) -> tuple[Loops, list[drawn.Test]]:
     """Read a plan with its sensors; without noise, the second reading has one sample less."""
     reading = drawn.apply_sensors(plan, responses, np.random.default_rng(seed))
-    if not reading_number or not plan.true["sensors"]["noiseless"]:
+    if not reading_number or not plan.true_parameters["sensors"]["noiseless"]:
         return reading.loops, list(reading.tests)
     shortened = [_without_sample(loop, loop.n // 3) for loop in reading.loops.loops]
     return reading.loops.with_loops(shortened), list(reading.tests)

@@ -44,9 +44,9 @@ def main(arguments: Sequence[str]) -> int:
     if options.command == "train":
         return train_networks(options.model, tasks)
     files = [Path(name) for name in options.model if name.endswith(".py")]
-    named = [name for name in options.model if not name.endswith(".py")]
+    model_names = [name for name in options.model if not name.endswith(".py")]
     models = [name for file in files for name in load_file(file)]
-    models += _select(named, list(find_models()), "model") if named else []
+    models += _select(model_names, list(find_models()), "model") if model_names else []
     return run_models(models, tasks, files, options)
 
 
@@ -56,24 +56,24 @@ def run_models(
     """Run models, print the tables and write the page; compare with the record."""
     measured = run(tasks, models, files, options.out, options.workers)
     record = Results.read()
-    shown = record.updated(measured)
+    all_results = record.updated(measured)
     measured.machine = describe_machine()
     if options.record:
-        shown.machine = measured.machine
-        shown.write(RECORD_FILE)
+        all_results.machine = measured.machine
+        all_results.write(RECORD_FILE)
     measured.write(options.out / "results.json")
-    own = [model for model in models if model.startswith(DEFAULT)]
-    differences = measured.differences(record, own)
+    own_models = [model for model in models if model.startswith(DEFAULT)]
+    differences = measured.differences(record, own_models)
     for task in measured.scores:
-        print(task_text(task, shown.scores[task]))
-    print(summary_text(rank(shown)))
+        print(task_text(task, all_results.scores[task]))
+    print(summary_text(rank(all_results)))
     for task, reason in measured.skipped.items():
         print(f"skipped: {task}: {reason}")
-    if own and record.scores:
+    if own_models and record.scores:
         print("\n".join(differences) or "The figures of anhyst equal those of the record in all digits.")
         if rank_order(measured, record):
             print("The order of the models on each task is that of the record.")
-    page = write_page(shown, options.out)
+    page = write_page(all_results, options.out)
     print(f"page: {page}")
     return 0
 
@@ -120,12 +120,12 @@ def describe_machine() -> list[str]:
     return this_machine().lines()
 
 
-def _select(wanted: Sequence[str], known: Sequence[str], kind: str) -> list[str]:
-    if list(wanted) == ["all"]:
-        return list(known)
-    if unknown := [name for name in wanted if name not in known]:
-        raise SystemExit(f"no {kind} '{unknown[0]}'; there are: {', '.join(known)}")
-    return list(wanted)
+def _select(requested_names: Sequence[str], available_names: Sequence[str], kind: str) -> list[str]:
+    if list(requested_names) == ["all"]:
+        return list(available_names)
+    if unknown := [name for name in requested_names if name not in available_names]:
+        raise SystemExit(f"no {kind} '{unknown[0]}'; there are: {', '.join(available_names)}")
+    return list(requested_names)
 
 
 if __name__ == "__main__":

@@ -30,10 +30,10 @@ def invert(model: Model, record: Record, training: Sequence[Record]) -> FloatArr
     unknown = np.full(record.output.size, np.nan)
     if isinstance(model, InvertibleModel):
         return model.invert(replace(record, input=unknown))
-    low = min(float(np.min(other.input)) for other in training)
-    high = max(float(np.max(other.input)) for other in training)
-    margin = 0.1 * (high - low)
-    drive = np.clip(_start_from_curve(record, training), low, high)
+    lowest_input = min(float(np.min(training_record.input)) for training_record in training)
+    highest_input = max(float(np.max(training_record.input)) for training_record in training)
+    margin = 0.1 * (highest_input - lowest_input)
+    drive = np.clip(_start_from_curve(record, training), lowest_input, highest_input)
     output_range = float(np.ptp(record.output))
     best_drive, best_error, gain = drive, np.inf, 1.0
     for _ in range(MAX_ITERATIONS):
@@ -46,14 +46,18 @@ def invert(model: Model, record: Record, training: Sequence[Record]) -> FloatArr
             gain = max(0.5 * gain, 0.05)
         if best_error < CONVERGED_ERROR:
             break
-        drive = np.clip(drive + gain * residual / _local_slope(drive, output), low - margin, high + margin)
+        drive = np.clip(
+            drive + gain * residual / _local_slope(drive, output),
+            lowest_input - margin,
+            highest_input + margin,
+        )
     return best_drive
 
 
 def _start_from_curve(record: Record, training: Sequence[Record]) -> FloatArray:
     """Return the input that the training samples have on average at each output."""
-    drive = np.concatenate([other.input for other in training])
-    output = np.concatenate([other.output for other in training])
+    drive = np.concatenate([training_record.input for training_record in training])
+    output = np.concatenate([training_record.output for training_record in training])
     order = np.argsort(output)
     groups = np.array_split(order, min(50, order.size))
     knots = np.array([np.mean(output[group]) for group in groups])
@@ -65,7 +69,9 @@ def _local_slope(drive: FloatArray, output: FloatArray) -> FloatArray:
     """Return the slope of an output along its path, within bounds."""
     overall = float(np.ptp(output)) / max(float(np.ptp(drive)), 1e-300)
     overall = max(overall, 1e-300)
-    steps, rises = np.gradient(drive), np.gradient(output)
+    input_steps, output_steps = np.gradient(drive), np.gradient(output)
     smallest = 1e-6 * float(np.ptp(drive))
-    slope = np.where(np.abs(steps) > smallest, rises / np.where(steps == 0.0, 1.0, steps), overall)
+    slope = np.where(
+        np.abs(input_steps) > smallest, output_steps / np.where(input_steps == 0.0, 1.0, input_steps), overall
+    )
     return np.clip(slope, SLOPE_BOUNDS[0] * overall, SLOPE_BOUNDS[1] * overall)

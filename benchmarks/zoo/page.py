@@ -58,16 +58,17 @@ def write_page(results: Results, folder: Path) -> Path:
 
 
 def _make_headline(results: Results, standings: Sequence[Standing]) -> Headline:
-    own = next((standing for standing in standings if standing.model == DEFAULT), None)
+    own_standing = next((standing for standing in standings if standing.model == DEFAULT), None)
     tiles: tuple[Tile, ...] = ()
-    if own is not None:
+    if own_standing is not None:
+        near_text = f"{own_standing.near_first_count} of {own_standing.task_count}"
+        low, high = own_standing.interval
+        interval_text = f"of {len(standings)} models; 90 % interval {low:.1f} to {high:.1f}"
         tiles = (
-            Tile(f"{own.near_first_count} of {own.task_count}", "tasks", f"{DEFAULT} within {NEAR_FIRST_RATIO:g} "
-                 "times the smallest error"),
-            Tile(f"{own.mean_rank:.1f}", "mean rank", f"of {len(standings)} models; 90 % interval "
-                 f"{own.interval[0]:.1f} to {own.interval[1]:.1f}"),
-            Tile(str(own.declined_count), "declined", "tasks whose data do not support a result"),
-        )  # fmt: skip
+            Tile(near_text, "tasks", f"{DEFAULT} within {NEAR_FIRST_RATIO:g} times the smallest error"),
+            Tile(f"{own_standing.mean_rank:.1f}", "mean rank", interval_text),
+            Tile(str(own_standing.declined_count), "declined", "tasks whose data do not support a result"),
+        )
     notes = tuple(
         Note("info", "Not run", f"Task {task}: {reason}") for task, reason in results.skipped.items()
     )
@@ -107,9 +108,11 @@ def _task_section(task: Task, scores: Mapping[str, Scores], folder: Path) -> Sec
     blocks: list[Block] = [Text(f"{task.difficulty} {task.split}"), Text(source)]
     if scores.get(DEFAULT) is not None and (reason := _reason(task.name, scores)):
         blocks.append(Note("info", f"{DEFAULT} is not first", reason))
-    shown = [model for model in scores if is_competitor(model) and model != DEFAULT]
-    best = min(shown, key=lambda model: (find_error(scores, model), model), default=None)
-    models = [model for model in (DEFAULT, best) if model is not None]
+    foreign_models = [model for model in scores if is_competitor(model) and model != DEFAULT]
+    best_foreign_model = min(
+        foreign_models, key=lambda model: (find_error(scores, model), model), default=None
+    )
+    models = [model for model in (DEFAULT, best_foreign_model) if model is not None]
     figure = draw_task(task, {model: folder / "outputs" / task.name / f"{model}.npz" for model in models})
     if figure is not None:
         blocks.append(

@@ -30,8 +30,8 @@ def draw_ranks(results: Results, standings: Sequence[Standing]) -> Figure:
     ratios = np.array([[ratio_to_first(results.scores[task], model) for task in tasks] for model in models])
     figure = new_figure(1.6 + 0.3 * len(models))
     ax = figure.add_subplot()
-    shown = np.where(np.isfinite(ratios), np.clip(ratios, 1.0, MAX_RATIO), np.nan)
-    image = ax.imshow(shown, norm=LogNorm(1.0, MAX_RATIO), cmap="cividis_r", aspect="auto")
+    clipped_ratios = np.where(np.isfinite(ratios), np.clip(ratios, 1.0, MAX_RATIO), np.nan)
+    image = ax.imshow(clipped_ratios, norm=LogNorm(1.0, MAX_RATIO), cmap="cividis_r", aspect="auto")
     ax.set_xticks(range(len(tasks)), tasks, rotation=40, ha="right")
     ax.set_yticks(range(len(models)), models)
     ax.grid(visible=False)
@@ -58,12 +58,12 @@ def draw_task(task: Task, files: Mapping[str, Path]) -> Figure | None:
         return None
     figure = new_figure(3.6)
     record_axes, error_axes = figure.subplots(1, 2)
-    shown = task.test[:MAX_SHOWN_RECORDS]
-    for record in shown:
+    shown_records = task.test[:MAX_SHOWN_RECORDS]
+    for record in shown_records:
         _plot_record(record_axes, task, record, record.output, MEASURED_COLOUR)
     full_scale = max(float(np.max(np.abs(record.output))) for record in task.test)
     for (model, predictions), colour in zip(outputs.items(), COLOURS, strict=False):
-        for number, (record, prediction) in enumerate(zip(shown, predictions, strict=False)):
+        for number, (record, prediction) in enumerate(zip(shown_records, predictions, strict=False)):
             error = np.where(record.scored, 100.0 * (prediction - record.output) / full_scale, np.nan)
             label = model if number == 0 else None
             error_axes.plot(_abscissa(task, record), error, color=colour, linewidth=0.8, label=label)

@@ -21,6 +21,8 @@ CYCLES = 4
 BIASES = (0.25, 0.5, 0.75)
 AMPLITUDES = (0.05, 0.15)
 """Bias and amplitude of the minor loops, as fractions of the input range."""
+MIN_ODD_CORRELATION = 0.5
+"""Smallest correlation of input and output for which the output is not an even function."""
 PASSIVE_LOSS = -1e-4
 """Smallest loss of a cycle, relative to the product of the ranges, that counts as passive."""
 
@@ -39,29 +41,43 @@ class Behaviour:
         return self.smallest_loss >= PASSIVE_LOSS
 
 
+def has_even_output(training: Sequence[Record]) -> bool:
+    """Whether the output is the same for both signs of the input, as a force of a bipolar current.
+
+    Its inverse has two solutions, and its loops run in both directions.
+    """
+    drive = np.concatenate([record.input for record in training])
+    output = np.concatenate([record.output for record in training])
+    return bool(abs(np.corrcoef(drive, output)[0, 1]) < MIN_ODD_CORRELATION)
+
+
 def probe_behaviour(model: Model, training: Sequence[Record]) -> Behaviour:
     """Run the probes with a fitted model."""
     widest = max(training, key=lambda record: float(np.ptp(record.input)))
-    low, high = float(np.min(widest.input)), float(np.max(widest.input))
+    lowest_input, highest_input = float(np.min(widest.input)), float(np.max(widest.input))
     steps = np.abs(np.diff(widest.input))
-    stride = max(float(np.median(steps[steps > 0.0])), (high - low) / 400.0)
+    stride = max(float(np.median(steps[steps > 0.0])), (highest_input - lowest_input) / 400.0)
     full_scale = max(float(np.max(np.abs(record.output))) for record in training)
     output_range = max(float(np.ptp(record.output)) for record in training)
-    start = min(max(0.0, low), high)
+    start = min(max(0.0, lowest_input), highest_input)
     gaps, losses, drifts = [], [], []
     for bias in BIASES:
-        center = low + bias * (high - low)
+        center = lowest_input + bias * (highest_input - lowest_input)
         for amplitude in AMPLITUDES:
-            swing = amplitude * (high - low)
-            lead = _ramp([start, high, center - swing], stride)
+            swing = amplitude * (highest_input - lowest_input)
+            lead = _ramp([start, highest_input, center - swing], stride)
             cycle = _ramp([center - swing, center + swing, center - swing], stride)[1:]
             drive = np.concatenate([lead, *[cycle] * CYCLES])
             output = model.predict(_like(widest, drive))
             third, fourth = output[-2 * cycle.size : -cycle.size], output[-cycle.size :]
             gaps.append(float(np.max(np.abs(fourth - third))))
-            losses.append(_lost_energy(drive[-cycle.size :], fourth) / ((high - low) * output_range))
-        rest = np.concatenate([_ramp([start, high, center], stride), np.full(REST_SAMPLES, center)])
-        drifts.append(float(np.ptp(model.predict(_like(widest, rest))[-REST_SAMPLES:])))
+            losses.append(
+                _lost_energy(drive[-cycle.size :], fourth) / ((highest_input - lowest_input) * output_range)
+            )
+        rest_drive = np.concatenate(
+            [_ramp([start, highest_input, center], stride), np.full(REST_SAMPLES, center)]
+        )
+        drifts.append(float(np.ptp(model.predict(_like(widest, rest_drive))[-REST_SAMPLES:])))
     return Behaviour(100.0 * max(drifts) / full_scale, 100.0 * max(gaps) / full_scale, min(losses))
 
 

@@ -45,7 +45,7 @@ def rank_task(scores: Mapping[str, Scores], competitors: Collection[str]) -> dic
     return {
         model: float(len(errors))
         if np.isinf(error)
-        else 1.0 + sum(other < error for other in errors.values())
+        else 1.0 + sum(other_error < error for other_error in errors.values())
         for model, error in errors.items()
     }
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from .inversion import invert
 from .model import Model, Refusal
-from .probes import probe_behaviour
+from .probes import has_even_output, probe_behaviour
 from .records import FloatArray, Record
 from .task import Task
 
@@ -21,7 +21,8 @@ class Scores:
     """Scores of one model on one task; those that were not computed are ``None``.
 
     ``refusal`` is the reason if the model declined the task, or the error if it failed. Errors in %
-    refer to the largest output of the test records.
+    refer to the largest output of the test records. An output that is even in the input has neither
+    an inverse nor a direction of its loops.
     """
 
     refusal: str = ""
@@ -77,12 +78,12 @@ def score(model: Model, task: Task) -> tuple[Scores, list[FloatArray]]:
     recorded_s: float | None = getattr(model, "recorded_fit_s", None)
     fit_s = time.process_time() - began if recorded_s is None else recorded_s
     outputs, step_us = _predict(model, task.test)
-    errors = Errors.compare(outputs, task.test)
+    errors, is_even = Errors.compare(outputs, task.test), has_even_output(task.training)
     scores = Scores(
         nrms=errors.nrms,
         mean=errors.mean,
         worst=errors.worst,
-        round_trip=_round_trip(model, task),
+        round_trip=None if is_even else _round_trip(model, task),
         n_parameters=model.n_parameters(),
         fit_s=fit_s,
         step_us=step_us,
@@ -94,18 +95,18 @@ def score(model: Model, task: Task) -> tuple[Scores, list[FloatArray]]:
             scores,
             rest_drift=behaviour.rest_drift,
             minor_loop_gap=behaviour.minor_loop_gap,
-            smallest_loss=behaviour.smallest_loss,
-            is_passive=behaviour.is_passive,
+            smallest_loss=None if is_even else behaviour.smallest_loss,
+            is_passive=None if is_even else behaviour.is_passive,
         )
     return scores, outputs
 
 
 def _predict(model: Model, records: Sequence[Record]) -> tuple[list[FloatArray], float]:
     """Return the outputs of records and the processor time of a sample, µs."""
-    hidden = [record.without_output() for record in records]
-    model.predict(hidden[0])  # the first call may compile
+    hidden_records = [record.without_output() for record in records]
+    model.predict(hidden_records[0])  # the first call may compile
     began = time.process_time()
-    outputs = [model.predict(record) for record in hidden]
+    outputs = [model.predict(record) for record in hidden_records]
     seconds = time.process_time() - began
     for output, record in zip(outputs, records, strict=True):
         if output.shape != record.output.shape or not np.all(np.isfinite(output)):
@@ -113,12 +114,18 @@ def _predict(model: Model, records: Sequence[Record]) -> tuple[list[FloatArray],
     return outputs, 1e6 * seconds / sum(record.path.input.size for record in records)
 
 
-def _round_trip(model: Model, task: Task) -> float:
-    """Return the error of the outputs that a model predicts for the inputs that it finds for them."""
+def _round_trip(model: Model, task: Task) -> float | None:
+    """Return the error of the outputs that a model predicts for the inputs that it finds for them.
+
+    The result is None if the model finds no input.
+    """
     outputs = []
     for record in task.test:
-        drive = invert(model, record, task.training)
+        try:
+            drive = invert(model, record, task.training)
+        except Exception:  # the prediction counts although the inverse fails
+            return None
         if not np.all(np.isfinite(drive)):
-            return float("nan")
+            return None
         outputs.append(model.predict(replace(record, input=drive).without_output()))
     return Errors.compare(outputs, task.test).nrms

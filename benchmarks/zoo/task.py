@@ -127,11 +127,11 @@ def read_records(file: Path, table: dict[str, dict[str, dict[str, str]]]) -> lis
         rows = list(csv.DictReader(stream))
     records = []
     for name in dict.fromkeys(row["record"] for row in rows):
-        own = [row for row in rows if row["record"] == name]
+        record_rows = [row for row in rows if row["record"] == name]
         columns = {
-            key: np.array([float(row[key]) for row in own])
-            for key in own[0]
-            if key != "record" and own[0][key]
+            key: np.array([float(row[key]) for row in record_rows])
+            for key in record_rows[0]
+            if key != "record" and record_rows[0][key]
         }
         scored = columns.get("scored")
         records.append(

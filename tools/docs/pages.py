@@ -45,7 +45,13 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "controller-file",
     ),
     "While it runs": ("live", "bench", "excite", "firmware", "link", "boards", "xcp"),
-    "Results": ("results-models", "results-controller", "results-bearing", "results-tracking"),
+    "Results": (
+        "how-it-compares",
+        "results-models",
+        "results-controller",
+        "results-bearing",
+        "results-tracking",
+    ),
     "Background": ("theory", "reproducibility", "faq", "contributing", "decisions/index"),
 }
 """Hand-written pages of docs/ by chapter. The gallery and the reference follow them."""

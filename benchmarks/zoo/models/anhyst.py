@@ -111,8 +111,8 @@ class Column:
     def __init__(self, text: str) -> None:
         header = parse_header(text)
         self.quantity = header.quantity or Quantity(header.name, header.name, header.stated or "1")
-        zero, one = header.to_si(np.array([0.0, 1.0])) if header.unit else (0.0, 1.0)
-        self._offset, self._factor = float(zero), float(one - zero)
+        offset, unit_value = header.to_si(np.array([0.0, 1.0])) if header.unit else (0.0, 1.0)
+        self._offset, self._factor = float(offset), float(unit_value - offset)
 
     def to_si(self, values: FloatArray) -> FloatArray:
         """Convert values of the task to SI."""

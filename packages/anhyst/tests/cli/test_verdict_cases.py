@@ -134,6 +134,15 @@ def test_output_that_depends_on_more_than_its_input_is_rejected() -> None:
     assert "the fit is complete" not in result.model.fit.left_over
 
 
+def test_unrelated_output_is_rejected() -> None:
+    drive = 50.0 * (1.0 - np.cos(np.linspace(0.0, 8.0 * np.pi, 800)))
+    other = 1e-6 * (np.random.default_rng(8).standard_normal(drive.size) + 0.005 * drive)
+    result = identify(displacement(other, drive))
+    assert "do not use it" in result.rejection
+    assert result.model.fit is not None
+    assert "the fit is complete" not in result.model.fit.left_over
+
+
 def test_single_spike_is_named_with_its_place() -> None:
     drive = 50.0 * (1.0 - np.cos(np.linspace(0.0, 8.0 * np.pi, 800)))
     output = 1e-7 * (drive + play(drive, 5.0))

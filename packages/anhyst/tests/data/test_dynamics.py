@@ -9,7 +9,7 @@ from scipy.signal import cont2discrete, dlsim, lfilter
 from anhyst.data import Loop, Loops
 from anhyst.data.coil_lag import describe_coil_lag
 from anhyst.data.inspection import inspect
-from anhyst.data.resonance import find_resonance
+from anhyst.data.resonance import describe_dynamics, find_dynamics
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.data.test_clean import play
@@ -63,8 +63,9 @@ def test_resonance_is_found_within_a_tenth(kind: str, seed: int) -> None:
     pushed = drive + rng.uniform(0.0, 1.0) * play(drive, 0.2)
     output = resonator(pushed, 1.0 / rate, hz, damping)
     output += rng.choice([0.0, 0.01, 0.05]) * output.std() * rng.standard_normal(time.size)
-    found = find_resonance(loops(50.0 * drive, 1e-5 * output, time, "displacement"))
-    assert found == pytest.approx(hz, rel=0.1)
+    found = find_dynamics(loops(50.0 * drive, 1e-5 * output, time, "displacement"))
+    assert found is not None
+    assert found.frequency == pytest.approx(hz, rel=0.1)
 
 
 @pytest.mark.first(1)
@@ -86,7 +87,24 @@ def test_hysteresis_creep_and_lag_are_no_resonance(kind: str) -> None:
         if seed % 3 == 2:
             output += 0.1 * np.asarray(lfilter([0.02], [1.0, -0.98], output))
         output += rng.choice([0.0, 0.01, 0.1]) * output.std() * rng.standard_normal(time.size)
-        assert find_resonance(loops(50.0 * drive, 1e-5 * output, time, "displacement")) is None
+        assert find_dynamics(loops(50.0 * drive, 1e-5 * output, time, "displacement")) is None
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.5, 0.65])
+@pytest.mark.parametrize("kind", ["multisine", "chirp", "random"])
+def test_damped_oscillation_is_found(kind: str, damping: float) -> None:
+    time = np.arange(0.0, 3.0, 1e-3)
+    drive = drive_of(kind, time, 35.0, np.random.default_rng(3))
+    measured = loops(drive, 1e-5 * resonator(drive, 1e-3, 35.0, damping), time, "displacement")
+    assert "like a damped oscillator" in describe_dynamics(measured)
+
+
+def test_dead_time_is_found() -> None:
+    time = np.arange(0.0, 3.0, 1e-3)
+    drive = drive_of("random", time, 35.0, np.random.default_rng(3))
+    output = np.roll(drive + play(drive, 0.2), 20)[20:]
+    measured = loops(drive[20:], 1e-5 * output, time[20:], "displacement")
+    assert "dead time of about 20 ms" in describe_dynamics(measured)
 
 
 def test_a_resonance_gives_an_unknown_verdict() -> None:

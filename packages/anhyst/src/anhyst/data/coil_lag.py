@@ -81,7 +81,7 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
     lag_and_play_rms, lag = _find_best_lag(record, shorter_lags, with_plays=True)
     if lag_and_play_rms > MAX_LAG_WITH_PLAYS_RATIO * play_rms:
         return None
-    same_lag_rms = static_fit_rms(_apply_lag(record, lag), record.output, with_plays=False)
+    same_lag_rms = static_fit_rms(apply_lag(record, lag), record.output, with_plays=False)
     return lag, max(1.0 - same_lag_rms / curve_rms, 0.0)
 
 
@@ -90,12 +90,12 @@ def _find_best_lag(
 ) -> tuple[float, float]:
     """Return the smallest rms residual among several lags, and the lag that gives it."""
     return min(
-        (static_fit_rms(_apply_lag(record, float(lag)), record.output, with_plays=with_plays), float(lag))
+        (static_fit_rms(apply_lag(record, float(lag)), record.output, with_plays=with_plays), float(lag))
         for lag in lags
     )
 
 
-def _apply_lag(record: EvenRecord, lag: float) -> FloatArray:
+def apply_lag(record: EvenRecord, lag: float) -> FloatArray:
     """Return a piecewise linear input after a first-order lag."""
     decay = float(np.exp(-record.step / lag))
     mean_decay = (1.0 - decay) * lag / record.step

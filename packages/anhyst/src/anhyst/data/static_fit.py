@@ -41,9 +41,12 @@ class EvenRecord:
         count = -(-self.drive.size // samples)
         return self.average_blocks(count) if count > 1 else self
 
-    def first_samples(self, samples: int) -> EvenRecord:
-        """Return the first samples without their means."""
-        drive, output = (signal[:samples] - signal[:samples].mean() for signal in (self.drive, self.output))
+    def largest_window(self, samples: int) -> EvenRecord:
+        """Return the window of at most ``samples`` samples with the largest output, without means."""
+        starts = range(0, max(self.drive.size - samples, 0) + 1, max(samples // 2, 1))
+        start = max(starts, key=lambda start: float(np.std(self.output[start : start + samples])))
+        windows = (signal[start : start + samples] for signal in (self.drive, self.output))
+        drive, output = (window - window.mean() for window in windows)
         return EvenRecord(drive, output, self.step)
 
 
@@ -61,7 +64,9 @@ def resample_evenly(loop: Loop) -> EvenRecord | None:
 
 def static_fit_rms(drive: FloatArray, output: FloatArray, *, with_plays: bool = True) -> float:
     """Return the rms residual of a fit of curves, and optionally play operators, of the input."""
-    rows = thin_rows(drive, _MAX_SAMPLES)
+    # Rows along the travel of the input; held inputs need rows that are evenly spaced in time.
+    even_rows = np.linspace(0, drive.size - 1, min(drive.size, _MAX_SAMPLES // 2)).astype(np.intp)
+    rows = np.union1d(thin_rows(drive, _MAX_SAMPLES // 2), even_rows)
     middle_input, half_range = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
     scaled_input = (drive[rows] - middle_input) / (half_range or 1.0)
     columns = [legvander(scaled_input, _CURVE_DEGREE)]

@@ -17,7 +17,7 @@ from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import full_scale, name_full_scale
 from anhyst.data.path import average_in_bins, branch_separation, find_branches
-from anhyst.data.resonance import describe_resonance
+from anhyst.data.resonance import describe_dynamics
 from anhyst.data.symmetry import describe_turn_back, recentre_loops
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import choose_display_unit
@@ -158,7 +158,7 @@ def assess_loops(loopset: Loops) -> Verdict:
     band_mean, band_noise = np.average(
         [entry[:2] for entry in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
     ).tolist()
-    dynamics = describe_resonance(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
+    dynamics = describe_dynamics(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([estimate_noise(loop.output) for loop in loopset.loops])
     noise_floor = _MEAN_MAGNITUDE_OF_NORMAL * float(np.average(sigmas, weights=counts))

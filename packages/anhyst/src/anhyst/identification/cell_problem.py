@@ -23,7 +23,7 @@ from anhyst.data.speeds import cycle_rate
 from anhyst.identification.cell_basis import SMOOTHNESS, CellBasis, make_common_basis, make_grid_basis
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
@@ -374,6 +374,8 @@ class CellProblem:
         assert attempt.weights is not None
         cell_weight_count = self.basis.thresholds.size * self.basis.widths.size
         slope, weights = self.straight_slope, attempt.weights[:cell_weight_count] / self.straight_slope
+        if not weights.any():
+            raise NoUsableStartError
         creep_weights = attempt.weights[cell_weight_count:-2]
         creep_terms = [
             (t, float(w)) for t, w in zip(attempt.creep_times, creep_weights, strict=True) if w > 1e-4

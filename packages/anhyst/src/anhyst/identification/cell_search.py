@@ -140,6 +140,8 @@ class _SampleSpaces:
 
         A descent ends early if, at its present rate, it cannot come close to the lowest cost.
         """
+        if not starts:
+            raise NoResponseError("no start of the search has positive scales and a curve that is not flat")
         objective = Objective(self.screening_space, self.smoothness)
         (short_steps, long_steps), final_stopping_rule = schedule
         costs = [(_compute_cost(objective, theta), index, theta) for index, theta in enumerate(starts)]

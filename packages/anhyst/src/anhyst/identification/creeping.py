@@ -43,6 +43,13 @@ used."""
 EQUAL_GRID_ERROR_RATIO = 1.25
 """Error of a grid at withheld samples, relative to few curves, up to which it predicts as well."""
 
+MIN_WIDE_RMS_SHARE = 0.01
+"""Rms deviation of play cells, as a fraction of the output range, above which Jiles-Atherton is
+tried. Its minor loops do not close, as those of a Bouc-Wen actuator."""
+
+MAX_OTHER_LAW_RMS_RATIO = 0.5
+"""Largest rms deviation of Jiles-Atherton, relative to play cells, for which it is used."""
+
 MAX_INITIAL_CURVE_ERROR_RATIO = 1.1
 """Largest factor by which fitted initial curves may increase the error at withheld samples. A wrong
 history in the file increases it."""
@@ -108,6 +115,31 @@ def fit_creeping(loopset: Loops) -> Outcome:
         candidates=(*candidates[:-1], chosen_candidate),
         law_reason=reason,
     )
+
+
+def deviates_widely(creeping: Outcome, loopset: Loops) -> bool:
+    """Whether play cells deviate so much that another law is worth a search."""
+    return _relative_rms(creeping, loopset) > MIN_WIDE_RMS_SHARE
+
+
+def select_closer_law(creeping: Outcome, searched: Outcome, loopset: Loops) -> Outcome:
+    """Return play cells, or the law of a search if it is much closer to the loops."""
+    ratio = _relative_rms(searched, loopset) / _relative_rms(creeping, loopset)
+    if ratio > MAX_OTHER_LAW_RMS_RATIO:
+        return creeping
+    rms = _relative_rms(searched, loopset)
+    law = searched.model.law
+    candidate = CandidateFit(law, "none", searched.parameter_count, rms, note="chosen")
+    others = tuple(replace(other, note="") for other in creeping.candidates)
+    reason = f"{law} reduces the deviation to {ratio:.2f} of that of play cells"
+    return replace(searched, candidates=(*others, candidate), law_reason=reason)
+
+
+def _relative_rms(outcome: Outcome, loopset: Loops) -> float:
+    """Return the rms deviation of a model from all loops, as a fraction of the output range."""
+    deviations = np.concatenate([outcome.model.predict_loop(loop) - loop.output for loop in loopset.loops])
+    outputs = np.concatenate([loop.output for loop in loopset.loops])
+    return float(np.sqrt(np.mean(deviations**2)) / np.ptp(outputs))
 
 
 def _add_creep(problem: CellProblem, fits_without_creep: Sequence[Trial], chosen_fit: Trial) -> Trial:

@@ -18,13 +18,13 @@ from anhyst.data.coil_lag import describe_coil_lag
 from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.resonance import describe_resonance
+from anhyst.data.resonance import MIN_STATIC_SHARE, describe_dynamics
 from anhyst.data.speeds import SpeedGroups, explain_no_rate, group_by_speed, spread_equal_times
 from anhyst.identification.any_law import fit_any_law
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_BY_SHAPE
 from anhyst.identification.cell_problem import LAW as CREEPING_LAW
-from anhyst.identification.creeping import fit_creeping
+from anhyst.identification.creeping import deviates_widely, fit_creeping, select_closer_law
 from anhyst.identification.default_search import CONVERGED_STOP, descend_from
 from anhyst.identification.fit_records import make_fit_records, read_rest_offsets
 from anhyst.identification.flux_force import (
@@ -103,8 +103,7 @@ def identify(
 
     After ctrl-C, the result is the best model so far, marked as interrupted.
     """
-    start, cpu_start = time.perf_counter(), time.process_time()
-    cpu_times: dict[str, float] = {}
+    start, cpu_start, cpu_times = time.perf_counter(), time.process_time(), dict[str, float]()
     check_options(law, gap_map, search)
     plausibility_warnings = check_plausible(loops)
     derived, flux_warnings = _derive_wanted_force(loops, output, calibration, seed)
@@ -122,8 +121,9 @@ def identify(
     def fit_static(static_loops: Loops, previous_outcome: Outcome | None) -> Outcome:
         """Find the model of loops of one speed; with a previous outcome, continue its fit."""
         law_name, cells = _laws_to_compare(static_loops, law, search)
-        if _needs_creep_fit(static_loops, law, search):
-            return fit_creeping(static_loops)
+        creeping = fit_creeping(static_loops) if _needs_creep_fit(static_loops, law, search) else None
+        if creeping is not None and (law != AUTO or not deviates_widely(creeping, static_loops)):
+            return creeping
         if LAWS[law_name].kernel is None:
             records = make_fit_records(static_loops, weights)
             require_gaps(records, gap_map)
@@ -133,7 +133,7 @@ def identify(
         readings_at_rest = read_rest_offsets(static_loops) if offsets and search == "default" else None
         run = SearchRun(
             form=make_response_form(static_loops.input, static_loops.output, law_name),
-            shapes=cells,
+            shapes=() if creeping else cells,
             # their layers compile, and they get the width of loops measured in addition to a table
             needs_cells=law != AUTO or static_loops is not loops or bool(tables and measured),
             records=make_fit_records(static_loops, weights, readings_at_rest),
@@ -149,6 +149,8 @@ def identify(
             if previous_outcome
             else _run_search(run, static_loops, gap_map, search)
         )
+        if creeping is not None:
+            return select_closer_law(creeping, outcome, static_loops)
         resolved_model = free_unresolved_cells(outcome.model, static_loops)
         return (
             replace(outcome, model=resolved_model)
@@ -212,7 +214,8 @@ def identify(
         stages=cpu_times,
         evaluations=outcome.evaluations,
         interrupted=outcome.is_interrupted,
-        rejection=describe_resonance(loops) or explain_rejection(residual, loops),
+        rejection=(residual.share > MIN_STATIC_SHARE and describe_dynamics(loops))
+        or explain_rejection(residual, loops),
     )
 
 

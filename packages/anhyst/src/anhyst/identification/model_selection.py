@@ -33,8 +33,9 @@ from anhyst.identification.candidates import (
     with_gap_map,
     without_interaction,
 )
-from anhyst.identification.cell_kernel import CellKernel, make_weight_kernel
+from anhyst.identification.cell_kernel import LAW_BY_SHAPE, CellKernel, make_weight_kernel
 from anhyst.identification.cell_search import CellSearch, fit_cell_weights, fit_under_map, use_exact_tables
+from anhyst.identification.central_law import select_central_law
 from anhyst.identification.cross_validation import (
     block_numbers,
     expected_error,
@@ -243,6 +244,12 @@ class Selection:
             run.measure_time("left out", partial(self._refit_folds, [base]))
         cell_entries = self._search_cells(base)
         if not cell_entries:
+            if run.needs_cells and len(run.shapes) == 1:
+                raise InputError(
+                    f"law '{LAW_BY_SHAPE[run.shapes[0]]}': no fit to these loops; use --law auto",
+                    code="law-without-fit",
+                    key="law",
+                )
             return self.select()
         run.run_step("left out", partial(self._refit_folds, cell_entries))
         best = replace(comparison, contenders=cell_entries).select_best()
@@ -275,7 +282,14 @@ class Selection:
             else [*comparison.contenders, *cell_entries]
         )
         comparison.contenders[:] = self._filter_eligible(candidates)
-        return self.select()
+        best = self.select()
+        if comparison.withheld_kind != "block":
+            return best
+        central = select_central_law(comparison, best, self.loopset)
+        comparison.is_central_selected = central != best and _passes_acceptance(
+            comparison.fits[central].reduced_fit, self.loopset
+        )
+        return central if comparison.is_central_selected else best
 
     def _search_cells(self, base: ModelCandidate) -> list[ModelCandidate]:
         """Fit play cells under one map.

@@ -43,6 +43,10 @@ _MIN_JUMP_SHARE = 0.1
 
 MAX_UNEXPLAINED = 0.05
 """Largest rms deviation beyond the noise, relative to full scale, of a usable model."""
+MAX_UNEXPLAINED_SHARE = 0.5
+"""Largest rms deviation beyond the noise, relative to the rms variation of the output."""
+MAX_SHARE = 0.9
+"""Largest rms deviation, with the noise, relative to the rms variation of the output."""
 _MAX_CERTAIN_NOISE_RATIO = 2.0
 """Largest rms that counts as noise, as a multiple of the noise of the record, if the model is
 unusable."""
@@ -89,6 +93,7 @@ class ResidualAnalysis:
     # largest deviation; None if noise of this rms could cause it. With an outlier, all other fields
     # except rms were computed without the samples that are too large for noise
     outlier: Outlier | None = None
+    share: float = 0.0  # rms of all samples, relative to the rms variation of the output in the loops
 
     @property
     def is_noise(self) -> bool:
@@ -282,12 +287,22 @@ def analyse_loops(loopset: Loops, modelled_outputs: Sequence[FloatArray]) -> Res
         gap = values.index(schedule_value) if schedule_value in values else 0
         deviation, is_cycle = output - loop.output, loop.history.kind == "settled"
         records.append(Residual(loop.input, loop.output, deviation, gap, is_cycle))
-    return analyse_residual(records, largest_output(loopset))
+    squares = [np.sum(record.deviation**2) for record in records]
+    variations = [float(np.sum((loop.output - loop.output.mean()) ** 2)) for loop in loopset.loops]
+    share = float(np.sqrt(np.sum(squares) / (np.sum(variations) or 1.0)))
+    return replace(analyse_residual(records, largest_output(loopset)), share=share)
 
 
 def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
     """Return why a model must not be used; empty if the deviation is small or is noise."""
-    if residual.unexplained <= MAX_UNEXPLAINED:
+    if residual.share > MAX_SHARE:
+        return (
+            f"the model explains only {max(1.0 - residual.share**2, 0.0):.0%} of the variance of the "
+            f"{loopset.output.name}: do not use it; check that the columns belong together and are not "
+            "delayed, or average several cycles against noise"
+        )
+    unexplained_share = residual.share * residual.unexplained / (residual.rms or 1.0)
+    if residual.unexplained <= MAX_UNEXPLAINED and unexplained_share <= MAX_UNEXPLAINED_SHARE:
         return ""
     text = (
         f"the model deviates from the loops by {100.0 * residual.rms:.2g} % of "
@@ -324,7 +339,7 @@ def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) 
 def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> str:
     full_scale = name_full_scale(loopset.output)
     if residual.beyond_noise == 0.0:
-        end_text = ": the fit is complete" if residual.is_noise else ""
+        end_text = ": the fit is complete" if residual.is_noise and residual.share <= MAX_SHARE else ""
         return f"the residual ({100.0 * residual.noise:.2g} % of {full_scale} rms) is noise, or negligible{end_text}"
     text = (
         f"a residual of {100.0 * residual.beyond_noise:.2g} % of {full_scale} rms is not noise "

@@ -57,9 +57,9 @@ def identify(
     Without a force sensor, give loops of flux linkage over current at three gaps or more. The force
     follows from the energy balance of the magnetic circuit, and its uncertainty is stated.
 
-    Exit code 1: the model file is written, but the model must not be used. Either its rms deviation
-    exceeds 5 % of full scale and is not noise, or its force does not rise everywhere as the gap
-    closes and as the current rises.
+    Exit code 1: the model file is written, but the model must not be used. Its rms deviation exceeds
+    5 % of full scale and is not noise, it explains little of the output, the output has dynamics, or
+    its force does not rise everywhere as the gap closes and as the current rises.
 
     Ctrl-C writes the best model found until then; the exit code is 130. If a search 'paper' was
     stopped or killed, the same command continues it.
