@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,8 @@ FILTER_GOLDEN = np.array([0.3969385478887777, -0.8931615361071907])
 
 def wave(*shape: int, factor: float = 1.0) -> FloatArray:
     """Return numbers without a pattern, the same on every machine."""
-    return np.sin(factor * (1.0 + np.arange(np.prod(shape))) ** 1.3).reshape(shape)
+    values: FloatArray = np.sin(factor * (1.0 + np.arange(np.prod(shape))) ** 1.3)
+    return values.reshape(shape)
 
 
 def gru_arrays() -> Arrays:
@@ -70,7 +72,8 @@ def filter_arrays(key: str) -> Arrays:
 def cycle(samples: int = 160) -> FloatArray:
     """Return a closed cycle with a minor loop."""
     turns = np.array([-1.0, 0.9, -0.2, 0.4, -1.0])
-    return np.interp(np.arange(samples) / samples * 4.0, np.arange(5.0), turns)
+    u: FloatArray = np.interp(np.arange(samples) / samples * 4.0, np.arange(5.0), turns)
+    return u
 
 
 def run_play(arrays: Arrays, u: FloatArray, steps: FloatArray | None = None) -> FloatArray:
@@ -172,7 +175,7 @@ def test_recorded_model_closes_settled_cycles(factory: Any, gap: float) -> None:
 
 def test_missing_record_without_torch_is_a_refusal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(learned, "FOLDER", tmp_path)
-    monkeypatch.setattr(learned.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     model: LearnedModel = gru.Gru()
     with pytest.raises(Refusal, match=r'install torch, then .* train --model "GRU"'):
         model.fit([Record("loop", cycle(), cycle())])

@@ -14,10 +14,20 @@ from ._signals import Scaling, range_weight, split
 from .play_network import FILTERS, HIDDEN, PLAYS, run_network, scaled_path
 
 SEEDS = 4
+"""Number of initial guesses."""
+
 TRIAL_STEPS = 200
+"""Number of iterations of Adam for each initial guess."""
+
 ADAM_STEPS = 1000
+"""Number of iterations of Adam."""
+
 LBFGS_STEPS = 1500
+"""Largest number of iterations of L-BFGS after Adam."""
+
 REFIT_STEPS = 500
+"""Largest number of iterations of L-BFGS on all samples."""
+
 SMOOTHNESS_WEIGHT = 1e-8
 """Weight of the sum of squared weights, which are the slopes of the network."""
 

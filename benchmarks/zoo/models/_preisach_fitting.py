@@ -14,8 +14,14 @@ from ._signals import Scaling, range_weight, split
 from .differentiable_preisach import mesh, preisach_output, relay_states
 
 ADAM_STEPS = 300
+"""Number of iterations of Adam."""
+
 LBFGS_STEPS = 300
+"""Largest number of iterations of L-BFGS after Adam."""
+
 REFIT_STEPS = 1000
+"""Largest number of iterations of L-BFGS on all samples."""
+
 WIDTHS = (0.15, 0.4)
 """Decays of the initial densities with the width of the relays, one for each search."""
 
