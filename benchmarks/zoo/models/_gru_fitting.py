@@ -6,39 +6,40 @@ from typing import Any
 
 import numpy as np
 
-from ._fitting import Search, Tensors, best_search, effort, parameters_of, pytorch
+from ._fitting import Search, Tensors, best_search, parameters_of, pytorch
 from ._gru_kernel import gru_function
 from ._learned import Arrays
-from .gru import ADAM_STEPS, HIDDEN, LBFGS_STEPS, REFIT_STEPS, SEEDS, TRIAL_STEPS, WEIGHT_DECAY, Sequences
+from .gru import ADAM_STEPS, LBFGS_STEPS, REFIT_STEPS, SEEDS, TRIAL_STEPS, WEIGHT_DECAY, Sequences
 
 
-def train_gru(sequences: Sequences) -> Arrays:
+def train_gru(sequences: Sequences, hidden: int) -> Arrays:
     """Return the arrays of the best of several searches."""
     losses = _Losses(sequences)
-    windows, steps, features = sequences.inputs.shape
-    share = effort(windows * steps)
-    searches = [Search(parameters_of(initial_arrays(features, seed)), losses) for seed in range(SEEDS)]
+    features = sequences.inputs.shape[2]
+    searches = [
+        Search(parameters_of(initial_arrays(features, hidden, seed)), losses) for seed in range(SEEDS)
+    ]
     for search in searches:
-        search.run_adam(int(share * TRIAL_STEPS), 0.02)
+        search.run_adam(TRIAL_STEPS, 0.02)
     best = best_search(searches)
-    best.run_adam(int(share * ADAM_STEPS), 0.01)
-    best.run_lbfgs(int(share * LBFGS_STEPS))
-    best.refit(int(share * REFIT_STEPS))
+    best.run_adam(ADAM_STEPS, 0.01)
+    best.run_lbfgs(LBFGS_STEPS)
+    best.refit(REFIT_STEPS)
     return {key: value.numpy() for key, value in best.best.items()}
 
 
-def initial_arrays(features: int, seed: int) -> dict[str, Any]:
+def initial_arrays(features: int, hidden: int, seed: int) -> dict[str, Any]:
     """Return random initial values; the update gates start at different time constants."""
     rng = np.random.default_rng(seed)
-    bias = np.zeros(3 * HIDDEN)
-    bias[HIDDEN : 2 * HIDDEN] = rng.uniform(-1.0, 3.0, HIDDEN)
+    bias = np.zeros(3 * hidden)
+    bias[hidden : 2 * hidden] = rng.uniform(-1.0, 3.0, hidden)
     return {
-        "weight_ih": rng.normal(0.0, 1.0 / np.sqrt(features), (3 * HIDDEN, features)),
-        "weight_hh": rng.normal(0.0, 1.0 / np.sqrt(HIDDEN), (3 * HIDDEN, HIDDEN)),
+        "weight_ih": rng.normal(0.0, 1.0 / np.sqrt(features), (3 * hidden, features)),
+        "weight_hh": rng.normal(0.0, 1.0 / np.sqrt(hidden), (3 * hidden, hidden)),
         "bias_ih": bias,
-        "bias_hh": np.zeros(3 * HIDDEN),
-        "h0": np.zeros(HIDDEN),
-        "out": rng.normal(0.0, 0.3 / np.sqrt(HIDDEN), HIDDEN),
+        "bias_hh": np.zeros(3 * hidden),
+        "h0": np.zeros(hidden),
+        "out": rng.normal(0.0, 0.3 / np.sqrt(hidden), hidden),
         "direct": np.zeros(features),
         "offset": np.zeros(1),
     }
