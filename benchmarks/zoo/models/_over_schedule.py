@@ -6,9 +6,10 @@ schedule at each sample. Therefore, the schedule may move within a predicted rec
 more values, the interpolation is a shape-preserving cubic (Fritsch and Butland 1984, SciPy's
 PCHIP); it is linear between two values. It is continued linearly outside.
 
-The outputs are interpolated directly or as signed square roots, over the schedule or over the
-reciprocal of the schedule plus an offset: a flux density is about proportional to such a reciprocal
-of the gap, and a force to the square of a flux density. The scales are chosen by the error of the
+The outputs or their signed square roots are interpolated, or the reciprocals of these values, over
+the schedule or over the reciprocal of the schedule plus an offset. The reasons are that the
+reciprocal of a flux density is about linear in the gap, and that a force is proportional to the
+square of a flux density. The scales are chosen by the error of the
 interpolation at inner training values that are left out. Two gaps have no inner value; then the
 offset is the one for which the two models agree best.
 """
@@ -31,6 +32,10 @@ MAX_SPREAD = 0.01
 OFFSETS = (None, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 3.0)
 """Offsets of the reciprocal, relative to the span of the schedule; ``None`` is the schedule itself."""
 
+POWERS = (1.0, 0.5)
+FLOOR = 0.01
+"""Added before the reciprocal of an output, relative to the largest output."""
+
 
 @dataclass(frozen=True)
 class _Scales:
@@ -38,14 +43,21 @@ class _Scales:
 
     lowest: float  # smallest scheduling value
     offset: float | None  # added to the distance from the smallest value before its reciprocal
-    is_root: bool  # the outputs are interpolated as signed square roots
+    power: float  # of the absolute output
+    floor: float | None  # added before the reciprocal of the powers is interpolated
 
     def interpolate(self, values: FloatArray, outputs: FloatArray, schedule: FloatArray) -> FloatArray:
         """Return the output at each sample, interpolated at the scheduling value of the sample."""
-        if self.is_root:
-            outputs = np.sign(outputs) * np.sqrt(np.abs(outputs))
-        result = _interpolate(self._map(values), outputs, self._map(schedule))
-        return result * np.abs(result) if self.is_root else result
+        powers = np.abs(outputs) ** self.power
+        mapped, mapped_schedule = self._map(values), self._map(schedule)
+        signed = _interpolate(mapped, np.sign(outputs) * powers, mapped_schedule)
+        size = np.abs(signed)
+        if self.floor is not None:
+            reciprocal = _interpolate(mapped, 1.0 / (powers + self.floor), mapped_schedule)
+            reciprocal = np.maximum(reciprocal, 0.1 / float(np.max(powers + self.floor)))
+            size = np.maximum(1.0 / reciprocal - self.floor, 0.0)
+        result: FloatArray = np.sign(signed) * size ** (1.0 / self.power)
+        return result
 
     def _map(self, schedule: FloatArray) -> FloatArray:
         """Return the increasing scale of the schedule; below the range, it stops before the pole."""
@@ -96,13 +108,15 @@ class OverSchedule:
         lowest, span = self._values[0], float(np.ptp(self._values))
         if len(groups) == 2:
             is_gap = groups[0][0].quantities[2].startswith("gap")
-            return _Scales(lowest, self._agree_on_offset(groups) if is_gap else None, is_root=False)
+            return _Scales(lowest, self._agree_on_offset(groups) if is_gap else None, 1.0, None)
         errors = {}
         predicted = [
             [(record, self._predict_all(record)) for record in group] for group in groups[1:-1]
         ]
-        for offset, is_root in itertools.product(OFFSETS, (False, True)):
-            scales = _Scales(lowest, None if offset is None else offset * span, is_root)
+        largest = max(float(np.max(np.abs(record.output))) for group in groups for record in group)
+        for offset, power, is_reciprocal in itertools.product(OFFSETS, POWERS, (False, True)):
+            floor = FLOOR * largest**power if is_reciprocal else None
+            scales = _Scales(lowest, None if offset is None else offset * span, power, floor)
             errors[scales] = 0.0
             for index, pairs in enumerate(predicted, 1):
                 values = np.delete(self._values, index)

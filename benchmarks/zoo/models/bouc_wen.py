@@ -27,7 +27,7 @@ from ._compiled import compiled
 from ._evolution import Drive, evolve, polish, solve_linear
 from ._oscillator import Oscillator
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, grid_lines, hats, thin
+from ._withheld import Scaling, add_mirror_images, grid_lines, hats, thin
 
 BOUNDS = np.array(
     [
@@ -75,7 +75,7 @@ class _StaticBoucWen:
             return self._residual(np.pad(theta, (0, len(BOUNDS) - SYMMETRIC)), drive, scored)
 
         start = evolve(coarse, BOUNDS[:SYMMETRIC], EVALUATIONS)
-        thinned = thin(records, SAMPLES_TO_POLISH)
+        thinned = thin(add_mirror_images(records), SAMPLES_TO_POLISH)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def fine(theta: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from scipy.optimize import nnls
 from ..records import FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, from_rest, grid_lines, hats, thin, withheld
+from ._withheld import Scaling, add_mirror_images, from_rest, grid_lines, hats, thin, withheld
 
 THRESHOLDS = 32
 OUTPUT_KNOTS = 20
@@ -148,6 +148,7 @@ class PrandtlIshlinskii:
         self._knots = grid_lines(own, REVERSIBLE_KNOTS - 1)
         self._steepness, penalty = self._choose(thin(own, MAX_SAMPLES_TO_CHOOSE))
         self._chain = _Chain(penalty)
+        own = add_mirror_images(own)
         used = np.concatenate([record.scored for record in own])
         y = np.concatenate([record.output for record in own])[used]
         self._chain.fit(_Regressors.of(own, self._steepness, self._knots).rows(used), y, ROUNDS)

@@ -26,7 +26,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, grid_lines, hats, thin, withheld
+from ._withheld import Scaling, add_mirror_images, grid_lines, hats, thin, withheld
 
 SIDES = (20, 32, 50)
 PENALTIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
@@ -97,6 +97,7 @@ class PreisachNNLS:
         self._scaling = Scaling.of(records)
         own = [self._scaling.normalise(record) for record in records]
         settings = _choose(thin(own, MAX_SAMPLES_TO_CHOOSE))
+        own = add_mirror_images(own)
         self._grid = _make_grid(own, settings.side)
         used = np.concatenate([record.scored for record in own])
         design = np.vstack([self._grid.design(record) for record in own])[used]

@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from ..records import FloatArray, Record
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, grid_lines, withheld
+from ._withheld import Scaling, add_mirror_images, grid_lines, withheld
 
 INTERVALS = (1, 2, 4, 8, 16, 32)
 PENALTIES = (1e-8, 1e-5, 1e-2)
@@ -34,6 +34,10 @@ class SingleValued:
         u = np.concatenate([record.input for record in own])[used]
         y = np.concatenate([record.output for record in own])[used]
         folds = [np.concatenate(withheld(own, fold, FOLDS))[used] for fold in range(FOLDS)]
+        odd = add_mirror_images(own)
+        odd_used = np.concatenate([record.scored for record in odd])
+        odd_u = np.concatenate([record.input for record in odd])[odd_used]
+        odd_y = np.concatenate([record.output for record in odd])[odd_used]
         best = np.inf
         for intervals in INTERVALS:
             lines = grid_lines(own, intervals)
@@ -45,7 +49,7 @@ class SingleValued:
                 )
                 if error < best * (1.0 - 1e-3):
                     best = error
-                    self._lines, self._weights = lines, _solve(basis, y, penalty)
+                    self._lines, self._weights = lines, _solve(_basis(odd_u, lines), odd_y, penalty)
 
     def predict(self, record: Record) -> FloatArray:
         """Return the value of the curve at each sample."""
