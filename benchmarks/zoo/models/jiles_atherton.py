@@ -22,7 +22,7 @@ from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._evolution import Drive, evolve, polish, solve_linear
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, thin
+from ._withheld import Scaling, add_mirror_images, thin
 
 BOUNDS = np.array(
     [
@@ -63,7 +63,7 @@ class JilesAtherton:
     def fit(self, records: Sequence[Record]) -> None:
         """Find the parameters by differential evolution, polish them and choose the output map."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
+        own = add_mirror_images([self._scaling.normalise(record) for record in records])
         thinned = thin(own, SAMPLES_TO_EVOLVE)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
