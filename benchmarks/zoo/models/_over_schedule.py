@@ -110,9 +110,7 @@ class OverSchedule:
             is_gap = groups[0][0].quantities[2].startswith("gap")
             return _Scales(lowest, self._agree_on_offset(groups) if is_gap else None, 1.0, None)
         errors = {}
-        predicted = [
-            [(record, self._predict_all(record)) for record in group] for group in groups[1:-1]
-        ]
+        predicted = [[(record, self._predict_all(record)) for record in group] for group in groups[1:-1]]
         largest = max(float(np.max(np.abs(record.output))) for group in groups for record in group)
         for offset, power, is_reciprocal in itertools.product(OFFSETS, POWERS, (False, True)):
             floor = FLOOR * largest**power if is_reciprocal else None

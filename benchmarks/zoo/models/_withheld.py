@@ -128,7 +128,7 @@ def _mirror_image(record: Record) -> Record | None:
     return replace(record, input=-u, output=doubled_middle - y)
 
 
-def from_rest(path_input: FloatArray) -> FloatArray:
+def start_at_zero(path_input: FloatArray) -> FloatArray:
     """Return the input of a path with a zero before it, where the state without a history is defined."""
     return np.concatenate([[0.0], path_input])
 
@@ -139,9 +139,9 @@ def grid_lines(records: Sequence[Record], count: int) -> FloatArray:
     Each interval has the same share of a mixture of the range of the input, of its travel and of
     the travel of the output.
     """
-    low = min(float(np.min(record.input)) for record in records)
+    lowest = min(float(np.min(record.input)) for record in records)
     high = max(float(np.max(record.input)) for record in records)
-    edges = np.linspace(low, high, 4001)
+    edges = np.linspace(lowest, high, 4001)
     dense = [_subdivide(record) for record in records]
     middles = np.concatenate([(u[1:] + u[:-1]) / 2.0 for u, _ in dense])
     steps = [np.concatenate([np.abs(np.diff(pair[column])) for pair in dense]) for column in (0, 1)]

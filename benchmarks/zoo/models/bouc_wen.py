@@ -78,11 +78,11 @@ class _StaticBoucWen:
         thinned = thin(add_mirror_images(records), SAMPLES_TO_POLISH)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
-        def fine(theta: FloatArray) -> FloatArray:
+        def polish_residual(theta: FloatArray) -> FloatArray:
             return self._residual(theta, drive, scored)
 
         start = np.pad(start, (0, len(BOUNDS) - SYMMETRIC))
-        self._theta = polish(fine, start, BOUNDS, EVALUATIONS_TO_POLISH)
+        self._theta = polish(polish_residual, start, BOUNDS, EVALUATIONS_TO_POLISH)
         features = self._features(self._theta, drive)[scored]
         self._coefficients = self._solve(features, drive.output[scored])
         return float(np.mean((drive.output[scored] - features @ self._coefficients) ** 2))
@@ -127,13 +127,13 @@ class BoucWen:
     def fit(self, records: Sequence[Record]) -> None:
         """Fit the static model and, if there are times, the oscillator; keep the better of them."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
+        normalised = [self._scaling.normalise(record) for record in records]
         static = _StaticBoucWen()
-        error = static.fit(own)
+        error = static.fit(normalised)
         self._model: _StaticBoucWen | Oscillator = static
-        if all(record.time is not None for record in own):
+        if all(record.time is not None for record in normalised):
             oscillator = Oscillator()
-            if oscillator.fit(own) < error:
+            if oscillator.fit(normalised) < error:
                 self._model = oscillator
 
     def predict(self, record: Record) -> FloatArray:

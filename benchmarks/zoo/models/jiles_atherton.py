@@ -63,8 +63,8 @@ class JilesAtherton:
     def fit(self, records: Sequence[Record]) -> None:
         """Find the parameters by differential evolution, polish them and choose the output map."""
         self._scaling = Scaling.of(records)
-        own = add_mirror_images([self._scaling.normalise(record) for record in records])
-        thinned = thin(own, SAMPLES_TO_EVOLVE)
+        normalised = add_mirror_images([self._scaling.normalise(record) for record in records])
+        thinned = thin(normalised, SAMPLES_TO_EVOLVE)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def coarse(theta: FloatArray) -> FloatArray:
@@ -72,16 +72,16 @@ class JilesAtherton:
             return min(candidates, key=lambda residual: float(residual @ residual))
 
         start = evolve(coarse, BOUNDS, EVALUATIONS)
-        thinned = thin(own, SAMPLES_TO_POLISH)
+        thinned = thin(normalised, SAMPLES_TO_POLISH)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
         fits = []
         for is_force in (False, True):
 
-            def fine(theta: FloatArray, is_force: bool = is_force) -> FloatArray:
+            def polish_residual(theta: FloatArray, is_force: bool = is_force) -> FloatArray:
                 return _residual(theta, drive, scored, is_force)
 
-            theta = polish(fine, start, BOUNDS, EVALUATIONS_TO_POLISH)
-            fits.append((float(np.sum(fine(theta) ** 2)), theta, is_force))
+            theta = polish(polish_residual, start, BOUNDS, EVALUATIONS_TO_POLISH)
+            fits.append((float(np.sum(polish_residual(theta) ** 2)), theta, is_force))
         _, self._theta, self._is_force = min(fits, key=lambda fit: fit[0])
         features = _features(self._theta, drive, self._is_force)
         self._coefficients = solve_linear(features[scored], drive.output[scored])

@@ -25,7 +25,7 @@ from scipy.optimize import nnls
 from ..records import FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, add_mirror_images, from_rest, grid_lines, hats, thin, withheld
+from ._withheld import Scaling, add_mirror_images, grid_lines, hats, start_at_zero, thin, withheld
 
 THRESHOLDS = 32
 OUTPUT_KNOTS = 20
@@ -57,7 +57,7 @@ class _Regressors:
         plays = []
         for record in records:
             path = record.path
-            u = _envelope(from_rest(path.input), steepness)
+            u = _envelope(start_at_zero(path.input), steepness)
             plays.append(_run_plays(u, _thresholds())[1 + path.lead_in :])
         inputs = np.concatenate([record.input for record in records])
         creep = np.vstack([_creep(record, creep_times) for record in records])
@@ -149,19 +149,23 @@ class PrandtlIshlinskii:
     def fit(self, records: Sequence[Record]) -> None:
         """Choose envelope and smoothness on withheld parts, and fit the weights to all records."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
-        self._knots = grid_lines(own, REVERSIBLE_KNOTS - 1)
-        self._steepness, penalty, self._creep_times = self._choose(thin(own, MAX_SAMPLES_TO_CHOOSE))
+        normalised = [self._scaling.normalise(record) for record in records]
+        self._knots = grid_lines(normalised, REVERSIBLE_KNOTS - 1)
+        self._steepness, penalty, self._creep_times = self._choose(thin(normalised, MAX_SAMPLES_TO_CHOOSE))
         self._chain = _Chain(penalty)
-        own = add_mirror_images(own)
-        used = np.concatenate([record.scored for record in own])
-        y = np.concatenate([record.output for record in own])[used]
-        self._chain.fit(_Regressors.of(own, self._steepness, self._knots, self._creep_times).rows(used), y, ROUNDS)
+        normalised = add_mirror_images(normalised)
+        used = np.concatenate([record.scored for record in normalised])
+        y = np.concatenate([record.output for record in normalised])[used]
+        self._chain.fit(
+            _Regressors.of(normalised, self._steepness, self._knots, self._creep_times).rows(used), y, ROUNDS
+        )
 
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
-        own = self._scaling.normalise(record)
-        return self._scaling.restore(self._chain.predict(_Regressors.of([own], self._steepness, self._knots, self._creep_times)))
+        normalised = self._scaling.normalise(record)
+        return self._scaling.restore(
+            self._chain.predict(_Regressors.of([normalised], self._steepness, self._knots, self._creep_times))
+        )
 
     def n_parameters(self) -> int:
         """Return the nonzero weights, the heights of both functions, and the steepness."""
@@ -246,8 +250,8 @@ def _run_plays(u: FloatArray, thresholds: FloatArray) -> FloatArray:
     state = np.zeros(thresholds.size)
     for sample in range(u.size):
         for index in range(thresholds.size):
-            low, high = u[sample] - thresholds[index], u[sample] + thresholds[index]
-            state[index] = max(low, min(high, state[index]))
+            lower, upper = u[sample] - thresholds[index], u[sample] + thresholds[index]
+            state[index] = max(lower, min(upper, state[index]))
             plays[sample, index] = state[index]
     return plays
 
