@@ -39,7 +39,7 @@ FLOOR = 0.01
 
 @dataclass(frozen=True)
 class _Scales:
-    """The scales of schedule and output in which the outputs are interpolated."""
+    """Scales of schedule and output for the interpolation."""
 
     lowest: float  # smallest scheduling value
     offset: float | None  # added to the distance from the smallest value before its reciprocal
@@ -81,7 +81,7 @@ class OverSchedule:
         self._models: list[Model] = []
 
     def fit(self, records: Sequence[Record]) -> None:
-        """Fit a model to the records of each scheduling value, and choose the scales."""
+        """Fit one model for every scheduling value, and choose the scales."""
         groups = _group_by_schedule(records)
         self._values = np.array([value for value, _ in groups])
         self._models = [self._factory() for _ in groups]
@@ -99,7 +99,7 @@ class OverSchedule:
         return self._scales.interpolate(self._values, outputs, record.schedule)
 
     def _predict_all(self, record: Record) -> FloatArray:
-        """Return the output of each model at each sample, shape (models, n)."""
+        """Return the outputs of all models, shape (models, n)."""
         unscheduled = replace(record, schedule=None).without_output()
         return np.array([model.predict(unscheduled) for model in self._models])
 

@@ -3,7 +3,8 @@
 The hysteretic state follows the equation of Bouc (1967) and Wen (J. Eng. Mech. 102, 1976),
 ``dz = du (1 - |z/w|^n (beta sgn(z du) + gamma))``, and its generalisation
 for asymmetric loops (Song and Der Kiureghian, J. Eng. Mech. 132, 2006), whose bracket has six terms.
-It depends on the input only, and not on its speed. The output adds a nonlinear elastic part and the
+It depends on the input only, and not on its speed. The input passes a scale that may become logarithmic,
+as the field of a steel needs it. The output adds a nonlinear elastic part and the
 hysteretic part with a gain that depends on the input, so that loops close at saturation. Both are
 piecewise linear functions of the input.
 
@@ -66,16 +67,17 @@ class _StaticBoucWen:
 
     def fit(self, records: Sequence[Record]) -> float:
         """Fit the model and return the mean squared error at the samples that count."""
-        self._elastic = grid_lines(records, ELASTIC_KNOTS - 1)
-        self._gain = grid_lines(records, GAIN_KNOTS - 1)
-        thinned = thin(records, SAMPLES_TO_EVOLVE)
+        complete = add_mirror_images(records)
+        self._elastic = grid_lines(complete, ELASTIC_KNOTS - 1)
+        self._gain = grid_lines(complete, GAIN_KNOTS - 1)
+        thinned = thin(complete, SAMPLES_TO_EVOLVE)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def coarse(theta: FloatArray) -> FloatArray:
             return self._residual(np.pad(theta, (0, len(BOUNDS) - SYMMETRIC)), drive, scored)
 
         start = evolve(coarse, BOUNDS[:SYMMETRIC], EVALUATIONS)
-        thinned = thin(add_mirror_images(records), SAMPLES_TO_POLISH)
+        thinned = thin(complete, SAMPLES_TO_POLISH)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def polish_residual(theta: FloatArray) -> FloatArray:
