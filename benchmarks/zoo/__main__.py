@@ -103,7 +103,7 @@ def list_all() -> int:
 
 def train_networks(models: Sequence[str], tasks: Sequence[str]) -> int:
     """Train networks on the training records of tasks, and record their weights."""
-    from .models._training import TRAINABLE, train
+    from .models._trainable import TRAINABLE, train
 
     for model in _select(models, list(TRAINABLE), "network"):
         for task in tasks:
