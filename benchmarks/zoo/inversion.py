@@ -1,8 +1,9 @@
-"""Invert any model by iteration over a whole record.
+"""Invert any model sample by sample, and compare the output with the demand.
 
-Each sample is corrected by its output error divided by a local slope of the model. The slope is
-that of the output over the input along the path, within bounds around the slope of the whole
-record. The best of all iterations is returned.
+For each sample, the input between the limits of the training records is searched at which the model
+gives the demanded output, while all earlier inputs are kept. The method is the same for all models,
+also for those with an inverse of their own. A demand that the model cannot reach gives the nearer
+limit.
 """
 
 from __future__ import annotations
@@ -11,67 +12,64 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import brentq
 
-from .model import InvertibleModel, Model
+from .model import Model
 from .records import FloatArray, Record
 
-MAX_ITERATIONS = 40
-CONVERGED_ERROR = 1e-4
-"""Rms error, relative to the range of the output, at which the iteration stops."""
-SLOPE_BOUNDS = (0.1, 10.0)
-"""Smallest and largest local slope, relative to the slope of the whole record."""
+MAX_SAMPLES = 60
+"""Number of evenly spaced samples of a record that are inverted."""
+INPUT_TOLERANCE = 1e-5
+"""Tolerance of an input, relative to the range of the training records."""
+MARGIN = 0.1
+"""Distance of the limits from the training records, relative to their range."""
 
 
-def invert(model: Model, record: Record, training: Sequence[Record]) -> FloatArray:
-    """Return the input for which a model gives the output of a record.
+def round_trip_error(model: Model, record: Record, training: Sequence[Record]) -> float:
+    """Return the rms error of output -> input -> output, relative to the standard deviation.
 
-    The model's own inverse is used if it has one.
+    A settled cycle is demanded three times, starting demagnetised; the last cycle counts.
     """
-    unknown = np.full(record.output.size, np.nan)
-    if isinstance(model, InvertibleModel):
-        return model.invert(replace(record, input=unknown))
-    lowest_input = min(float(np.min(training_record.input)) for training_record in training)
-    highest_input = max(float(np.max(training_record.input)) for training_record in training)
-    margin = 0.1 * (highest_input - lowest_input)
-    drive = np.clip(_start_from_curve(record, training), lowest_input, highest_input)
-    output_range = float(np.ptp(record.output))
-    best_drive, best_error, gain = drive, np.inf, 1.0
-    for _ in range(MAX_ITERATIONS):
-        output = model.predict(replace(record, input=drive).without_output())
-        residual = record.output - output
-        error = float(np.sqrt(np.mean(residual**2))) / output_range
-        if error < best_error:
-            best_drive, best_error = drive, error
-        else:
-            gain = max(0.5 * gain, 0.05)
-        if best_error < CONVERGED_ERROR:
-            break
-        drive = np.clip(
-            drive + gain * residual / _local_slope(drive, output),
-            lowest_input - margin,
-            highest_input + margin,
-        )
-    return best_drive
-
-
-def _start_from_curve(record: Record, training: Sequence[Record]) -> FloatArray:
-    """Return the input that the training samples have on average at each output."""
-    drive = np.concatenate([training_record.input for training_record in training])
-    output = np.concatenate([training_record.output for training_record in training])
-    order = np.argsort(output)
-    groups = np.array_split(order, min(50, order.size))
-    knots = np.array([np.mean(output[group]) for group in groups])
-    values = np.maximum.accumulate([np.mean(drive[group]) for group in groups])
-    return np.interp(record.output, knots, values)
-
-
-def _local_slope(drive: FloatArray, output: FloatArray) -> FloatArray:
-    """Return the slope of an output along its path, within bounds."""
-    overall = float(np.ptp(output)) / max(float(np.ptp(drive)), 1e-300)
-    overall = max(overall, 1e-300)
-    input_steps, output_steps = np.gradient(drive), np.gradient(output)
-    smallest = 1e-6 * float(np.ptp(drive))
-    slope = np.where(
-        np.abs(input_steps) > smallest, output_steps / np.where(input_steps == 0.0, 1.0, input_steps), overall
+    rows = np.unique(np.linspace(0, record.input.size - 1, MAX_SAMPLES).astype(int))
+    path = replace(
+        record,
+        input=record.input[rows],
+        schedule=None if record.schedule is None else record.schedule[rows],
+        time=None if record.time is None else record.time[rows],
+    ).path
+    demand = np.resize(record.output[rows], path.input.size)
+    lowest_input = min(float(np.min(known.input)) for known in training)
+    highest_input = max(float(np.max(known.input)) for known in training)
+    input_range = highest_input - lowest_input
+    limits = lowest_input - MARGIN * input_range, highest_input + MARGIN * input_range
+    drive = np.empty(path.input.size)
+    probe = Record(
+        "inverse", drive, demand, path.schedule, path.time, "demagnetised", None, record.quantities
     )
-    return np.clip(slope, SLOPE_BOUNDS[0] * overall, SLOPE_BOUNDS[1] * overall)
+    for index in range(drive.size):
+
+        def residual(value: float, index: int = index) -> float:
+            drive[index] = value
+            return float(model.predict(_first_samples(probe, index + 1))[-1] - demand[index])
+
+        ends = [residual(limit) for limit in limits]
+        if ends[0] * ends[1] >= 0.0:
+            drive[index] = limits[int(np.argmin(np.abs(ends)))]
+        else:
+            drive[index] = brentq(
+                residual, *limits, xtol=INPUT_TOLERANCE * input_range, maxiter=40, disp=False
+            )
+    output = path.cut(model.predict(_first_samples(probe, drive.size)))
+    counted_demand: FloatArray = path.cut(demand)
+    return float(np.sqrt(np.mean((output - counted_demand) ** 2)) / np.std(counted_demand))
+
+
+def _first_samples(record: Record, count: int) -> Record:
+    """Return the first samples of a record without their output."""
+    return replace(
+        record,
+        input=record.input[:count].copy(),
+        output=np.full(count, np.nan),
+        schedule=None if record.schedule is None else record.schedule[:count],
+        time=None if record.time is None else record.time[:count],
+    )

@@ -38,14 +38,6 @@ class Model(Protocol):
         """Return how many numbers were fitted."""
 
 
-@runtime_checkable
-class InvertibleModel(Model, Protocol):
-    """A model with an inverse of its own; others are inverted by iteration."""
-
-    def invert(self, record: Record) -> FloatArray:
-        """Return the input that gives the output of a record, whose input is unknown (NaN)."""
-
-
 Factory = Callable[[], Model]
 
 

@@ -64,8 +64,8 @@ def evolve(residual: Residual, bounds: FloatArray, evaluations: int) -> FloatArr
         polish=False,
         rng=SEED,
     )
-    best: FloatArray = result.x
-    return best
+    parameters: FloatArray = result.x
+    return parameters
 
 
 def polish(residual: Residual, theta: FloatArray, bounds: FloatArray, evaluations: int) -> FloatArray:
@@ -79,8 +79,8 @@ def polish(residual: Residual, theta: FloatArray, bounds: FloatArray, evaluation
         diff_step=1e-5,
         max_nfev=evaluations,
     )
-    best: FloatArray = result.x
-    return best
+    parameters: FloatArray = result.x
+    return parameters
 
 
 def solve_linear(features: FloatArray, output: FloatArray) -> FloatArray:

@@ -72,11 +72,11 @@ class Oscillator:
         self._frequency = _estimate_frequency(records)
         coarse = self._residual_of(_excerpts(records, SAMPLES_TO_EVOLVE))
         middle = self._residual_of(_excerpts(records, SAMPLES_TO_POLISH))
-        fine = self._residual_of(records)
+        all_residual = self._residual_of(records)
         start = evolve(lambda theta: coarse(theta)[0], BOUNDS, EVALUATIONS)
-        near = polish(lambda theta: middle(theta)[0], start, BOUNDS, EVALUATIONS_TO_POLISH)
-        self._theta = polish(lambda theta: fine(theta)[0], near, BOUNDS, EVALUATIONS_TO_FINISH)
-        residual, self._coefficients = fine(self._theta)
+        polished = polish(lambda theta: middle(theta)[0], start, BOUNDS, EVALUATIONS_TO_POLISH)
+        self._theta = polish(lambda theta: all_residual(theta)[0], polished, BOUNDS, EVALUATIONS_TO_FINISH)
+        residual, self._coefficients = all_residual(self._theta)
         return float(np.mean(residual**2))
 
     def predict(self, record: Record) -> FloatArray:
@@ -115,7 +115,7 @@ class Oscillator:
 
 def _estimate_frequency(records: Sequence[Record]) -> float:
     """Return the angular frequency where the linear frequency response is largest, rad/s."""
-    record = max(records, key=lambda one: one.input.size)
+    record = max(records, key=lambda candidate: candidate.input.size)
     assert record.time is not None
     rate = 1.0 / float(np.median(np.diff(record.time)))
     length = min(record.input.size, 512)

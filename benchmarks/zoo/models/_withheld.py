@@ -12,6 +12,15 @@ from ..records import BoolArray, FloatArray, Record
 MIN_RECORDS = 4
 """Number of records from which on complete records are withheld, and pieces of records below it."""
 
+MAX_REVERSAL = 0.95
+"""Input relative to the largest one below which a loop must not reverse to be odd."""
+
+MIN_SYMMETRY = 0.98
+"""Smallest ratio of the extrema of the input of an odd loop."""
+
+MAX_ODD_MISMATCH = 0.01
+"""Largest median difference between an odd loop and its mirror image, relative to its standard deviation."""
+
 PIECES = 16
 """Number of pieces that a record is cut into."""
 
@@ -41,6 +50,9 @@ class Scaling:
         """Return an output in the units of the task."""
         restored: FloatArray = self.offset + self.output * output
         return restored
+
+
+SUBDIVISION = 10
 
 
 def thin(records: Sequence[Record], count: int) -> list[Record]:
@@ -84,7 +96,39 @@ def withheld(records: Sequence[Record], fold: int, folds: int) -> list[BoolArray
     return [np.arange(record.input.size) * PIECES // record.input.size % folds == fold for record in records]
 
 
-def from_rest(path_input: FloatArray) -> FloatArray:
+def add_mirror_images(records: Sequence[Record]) -> list[Record]:
+    """Return the records, and their mirror images if all of them are odd loops.
+
+    The loops of a magnetic material are odd, and a piece that is missing in a record may be in its
+    mirror image.
+    """
+    images = [_mirror_image(record) for record in records]
+    return [*records, *(image for image in images if image)] if all(images) else list(records)
+
+
+def _mirror_image(record: Record) -> Record | None:
+    """Return a loop with both signs changed, or nothing if the loop is not odd about its middle."""
+    u, y = record.input, record.output
+    direction = np.sign(np.roll(u, -1) - np.roll(u, 1))
+    largest = float(np.max(np.abs(u)))
+    is_inside = np.abs(u) < MAX_REVERSAL * largest
+    is_reversal = is_inside & (direction * np.roll(direction, 1) < 0.0)
+    is_symmetric = min(np.max(u), -np.min(u)) > MIN_SYMMETRY * largest
+    if record.history != "settled" or record.time is not None or np.any(is_reversal) or not is_symmetric:
+        return None
+    sums = []
+    for sign in (-1.0, 1.0):
+        branch, opposite = direction == sign, direction == -sign
+        order = np.argsort(u[opposite])
+        sums.append(y[branch] + np.interp(-u[branch], u[opposite][order], y[opposite][order]))
+    doubled_middle = float(np.median(np.concatenate(sums)))
+    mismatch = float(np.median(np.abs(np.concatenate(sums) - doubled_middle)))
+    if mismatch > MAX_ODD_MISMATCH * float(np.std(y)):
+        return None
+    return replace(record, input=-u, output=doubled_middle - y)
+
+
+def start_at_zero(path_input: FloatArray) -> FloatArray:
     """Return the input of a path with a zero before it, where the state without a history is defined."""
     return np.concatenate([[0.0], path_input])
 
@@ -95,14 +139,12 @@ def grid_lines(records: Sequence[Record], count: int) -> FloatArray:
     Each interval has the same share of a mixture of the range of the input, of its travel and of
     the travel of the output.
     """
-    low = min(float(np.min(record.input)) for record in records)
+    lowest = min(float(np.min(record.input)) for record in records)
     high = max(float(np.max(record.input)) for record in records)
-    edges = np.linspace(low, high, 4001)
-    middles = np.concatenate([(record.input[1:] + record.input[:-1]) / 2.0 for record in records])
-    steps = [
-        np.concatenate([np.abs(np.diff(values)) for values in kind])
-        for kind in ([record.input for record in records], [_smooth(record.output) for record in records])
-    ]
+    edges = np.linspace(lowest, high, 4001)
+    dense = [_subdivide(record) for record in records]
+    middles = np.concatenate([(u[1:] + u[:-1]) / 2.0 for u, _ in dense])
+    steps = [np.concatenate([np.abs(np.diff(pair[column])) for pair in dense]) for column in (0, 1)]
     density = np.full(4000, 1.0 / 4000)
     for step in steps:
         share = np.histogram(middles, edges, weights=step)[0]
@@ -111,6 +153,13 @@ def grid_lines(records: Sequence[Record], count: int) -> FloatArray:
     cumulated = np.concatenate([[0.0], np.cumsum(density)])
     lines: FloatArray = np.interp(np.linspace(0.0, cumulated[-1], count + 1), cumulated, edges)
     return lines
+
+
+def _subdivide(record: Record) -> tuple[FloatArray, FloatArray]:
+    """Return input and smooth output with more samples, so that the travel of a long step is spread."""
+    places = np.linspace(0.0, record.input.size - 1.0, SUBDIVISION * (record.input.size - 1) + 1)
+    samples = np.arange(record.input.size)
+    return np.interp(places, samples, record.input), np.interp(places, samples, _smooth(record.output))
 
 
 def _smooth(values: FloatArray) -> FloatArray:

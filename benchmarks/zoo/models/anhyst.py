@@ -67,19 +67,6 @@ class AnhystModel:
             )
         return output.from_si(prediction.output)
 
-    def invert(self, record: Record) -> FloatArray:
-        """Return the input from the exact inverse of the model."""
-        drive, output, _ = self._columns
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            prediction = self._identified.invert(
-                output.to_si(record.output),
-                self._schedule(record),
-                record.time,
-                History.parse(record.history),
-            )
-        return drive.from_si(prediction.drive)
-
     def n_parameters(self) -> int:
         """Return how many numbers the model file contains for the law and its maps."""
         return sum(np.size(value) for value in self._identified.parameters.values())

@@ -3,7 +3,8 @@
 The hysteretic state follows the equation of Bouc (1967) and Wen (J. Eng. Mech. 102, 1976),
 ``dz = du (1 - |z/w|^n (beta sgn(z du) + gamma))``, and its generalisation
 for asymmetric loops (Song and Der Kiureghian, J. Eng. Mech. 132, 2006), whose bracket has six terms.
-It depends on the input only, and not on its speed. The output adds a nonlinear elastic part and the
+It depends on the input only, and not on its speed. The input passes a scale that may become logarithmic,
+as the field of a steel needs it. The output adds a nonlinear elastic part and the
 hysteretic part with a gain that depends on the input, so that loops close at saturation. Both are
 piecewise linear functions of the input.
 
@@ -27,32 +28,36 @@ from ._compiled import compiled
 from ._evolution import Drive, evolve, polish, solve_linear
 from ._oscillator import Oscillator
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, grid_lines, hats, thin
+from ._withheld import Scaling, add_mirror_images, grid_lines, hats, thin
 
 BOUNDS = np.array(
     [
-        (-5.0, 1.0),  # logarithm of the width w
+        (-6.0, 1.0),  # logarithm of the width w
         (-1.5, 2.5),  # logarithm of the exponent n
         (-1.0, 1.0),  # beta + gamma, which counts while the hysteretic part grows
         (-5.0, 1.0),  # gamma - beta, which counts while it decreases
+        (-6.0, 2.0),  # logarithm of the input at which the scale of the input becomes logarithmic
         *[(-1.0, 1.0)] * 4,  # terms of u du, u z, du and u, which make loops asymmetric
     ]
 )
 """Bounds of the parameters; the unit of the input is its largest value in the training records."""
 
-SYMMETRIC = 4
+SYMMETRIC = 5
 """Number of parameters of the symmetric equation, which the evolution starts from."""
 
-ELASTIC_KNOTS = 14
-GAIN_KNOTS = 6
+ELASTIC_KNOTS = 24
+GAIN_KNOTS = 16
+CURVATURE_PENALTY = 1e-5
 SAMPLES_TO_EVOLVE = 800
 SAMPLES_TO_POLISH = 2000
 EVALUATIONS = 5000
 EVALUATIONS_TO_POLISH = 40
 MAX_STEP = 0.25
-"""Largest step of the integration, relative to the width."""
+"""Largest step of the integration, relative to the width; smaller for a large exponent."""
 
-MAX_STEPS_PER_SAMPLE = 6
+SETTLED_STEP = 1e-12
+"""Change of the hysteretic state in a step below which the state is constant until the input reverses."""
+
 MAX_STATE = 10.0
 """Largest hysteretic state relative to the width; some asymmetric equations have no bound."""
 
@@ -62,25 +67,26 @@ class _StaticBoucWen:
 
     def fit(self, records: Sequence[Record]) -> float:
         """Fit the model and return the mean squared error at the samples that count."""
-        self._elastic = grid_lines(records, ELASTIC_KNOTS - 1)
-        self._gain = grid_lines(records, GAIN_KNOTS - 1)
-        thinned = thin(records, SAMPLES_TO_EVOLVE)
+        complete = add_mirror_images(records)
+        self._elastic = grid_lines(complete, ELASTIC_KNOTS - 1)
+        self._gain = grid_lines(complete, GAIN_KNOTS - 1)
+        thinned = thin(complete, SAMPLES_TO_EVOLVE)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def coarse(theta: FloatArray) -> FloatArray:
             return self._residual(np.pad(theta, (0, len(BOUNDS) - SYMMETRIC)), drive, scored)
 
         start = evolve(coarse, BOUNDS[:SYMMETRIC], EVALUATIONS)
-        thinned = thin(records, SAMPLES_TO_POLISH)
+        thinned = thin(complete, SAMPLES_TO_POLISH)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
-        def fine(theta: FloatArray) -> FloatArray:
+        def polish_residual(theta: FloatArray) -> FloatArray:
             return self._residual(theta, drive, scored)
 
         start = np.pad(start, (0, len(BOUNDS) - SYMMETRIC))
-        self._theta = polish(fine, start, BOUNDS, EVALUATIONS_TO_POLISH)
+        self._theta = polish(polish_residual, start, BOUNDS, EVALUATIONS_TO_POLISH)
         features = self._features(self._theta, drive)[scored]
-        self._coefficients = solve_linear(features, drive.output[scored])
+        self._coefficients = self._solve(features, drive.output[scored])
         return float(np.mean((drive.output[scored] - features @ self._coefficients) ** 2))
 
     def predict(self, record: Record) -> FloatArray:
@@ -95,13 +101,23 @@ class _StaticBoucWen:
     def _residual(self, theta: FloatArray, drive: Drive, scored: BoolArray) -> FloatArray:
         """Return the residual at the scored samples with the best coefficients of the output."""
         features, output = self._features(theta, drive)[scored], drive.output[scored]
-        residual: FloatArray = output - features @ solve_linear(features, output)
+        residual: FloatArray = output - features @ self._solve(features, output)
         return residual
+
+    def _solve(self, features: FloatArray, output: FloatArray) -> FloatArray:
+        """Return the heights of both functions with a light penalty on their curvature."""
+        weight = np.sqrt(CURVATURE_PENALTY * output.size)
+        bend = weight * np.diff(np.eye(ELASTIC_KNOTS + GAIN_KNOTS), 2, axis=0)
+        bend = np.delete(bend, [ELASTIC_KNOTS - 2, ELASTIC_KNOTS - 1], axis=0)
+        return solve_linear(np.vstack([features, bend]), np.concatenate([output, np.zeros(len(bend))]))
 
     def _features(self, theta: FloatArray, drive: Drive) -> FloatArray:
         """Return the regressors of both parts at each sample of the records."""
         width, exponent = np.exp(theta[:2])
-        z = _run_hysteresis(drive.input, drive.is_start, width, exponent, theta[2:])[drive.rows]
+        knee = np.exp(theta[SYMMETRIC - 1])
+        mapped = np.arcsinh(drive.input / knee) / np.arcsinh(1.0 / knee)
+        terms = np.delete(theta[2:], SYMMETRIC - 3)
+        z = _run_hysteresis(mapped, drive.is_start, width, exponent, terms)[drive.rows]
         u = drive.input[drive.rows]
         gains = z[:, None] * hats(np.clip(u, self._gain[0], self._gain[-1]), self._gain)
         return np.hstack([hats(u, self._elastic), gains])
@@ -113,13 +129,13 @@ class BoucWen:
     def fit(self, records: Sequence[Record]) -> None:
         """Fit the static model and, if there are times, the oscillator; keep the better of them."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
+        normalised = [self._scaling.normalise(record) for record in records]
         static = _StaticBoucWen()
-        error = static.fit(own)
+        error = static.fit(normalised)
         self._model: _StaticBoucWen | Oscillator = static
-        if all(record.time is not None for record in own):
+        if all(record.time is not None for record in normalised):
             oscillator = Oscillator()
-            if oscillator.fit(own) < error:
+            if oscillator.fit(normalised) < error:
                 self._model = oscillator
 
     def predict(self, record: Record) -> FloatArray:
@@ -138,17 +154,22 @@ def _run_hysteresis(
     """Return the hysteretic state relative to the width; each start is at rest."""
     states = np.empty(u.size)
     z, position = 0.0, 0.0
+    longest = MAX_STEP * width / max(1.0, exponent / 3.0)
     for sample in range(u.size):
         if is_start[sample]:
             z, position = 0.0, 0.0
         change = u[sample] - position
-        steps = min(MAX_STEPS_PER_SAMPLE, int(abs(change) / (MAX_STEP * width)) + 1)
+        steps = int(abs(change) / longest) + 1
         du = change / steps
         for _ in range(steps):
-            half = z + 0.5 * du / width * _slope(z, position, du, exponent, terms)
-            z += du / width * _slope(half, position + 0.5 * du, du, exponent, terms)
+            middle = z + 0.5 * du / width * _slope(z, position, du, exponent, terms)
+            previous = z
+            z += du / width * _slope(middle, position + 0.5 * du, du, exponent, terms)
             z = max(-MAX_STATE, min(MAX_STATE, z))
             position += du
+            if abs(z - previous) < SETTLED_STEP and position * u[sample] > 0.0:
+                break
+        position = u[sample]
         states[sample] = z
     return states
 

@@ -22,13 +22,13 @@ from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._evolution import Drive, evolve, polish, solve_linear
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, thin
+from ._withheld import Scaling, add_mirror_images, thin
 
 BOUNDS = np.array(
     [
-        (-5.0, 1.5),  # logarithm of the anhysteretic width
+        (-7.0, 1.5),  # logarithm of the anhysteretic width
         (-1.0, 0.97),  # coupling: -1 is the strongest air gap, 0 none, and 1 would be a jump
-        (-6.0, 1.0),  # logarithm of the pinning
+        (-7.0, 1.0),  # logarithm of the pinning
         (0.0, 0.98),  # reversible share
         (-0.1, 0.1),  # offset of the field
         (-6.0, 1.0),  # logarithm of the share of the field in the flux density of a force
@@ -45,9 +45,16 @@ EVALUATIONS = 2600
 EVALUATIONS_TO_POLISH = 25
 
 MAX_STEP = 0.3
-"""Largest step of the integration, relative to the smaller one of pinning and anhysteretic width."""
+"""First step of the integration, relative to the smaller one of pinning and anhysteretic width."""
 
 MAX_STEPS_PER_SAMPLE = 8
+"""Largest number of first steps in a sample."""
+
+MAX_CHANGE = 0.1
+"""Largest change of the magnetisation in a step; a longer step is halved."""
+
+SMALLEST_STEP = 1e-3
+"""Smallest step, relative to the change of the field from a sample to the next one."""
 
 
 class JilesAtherton:
@@ -56,8 +63,8 @@ class JilesAtherton:
     def fit(self, records: Sequence[Record]) -> None:
         """Find the parameters by differential evolution, polish them and choose the output map."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
-        thinned = thin(own, SAMPLES_TO_EVOLVE)
+        normalised = add_mirror_images([self._scaling.normalise(record) for record in records])
+        thinned = thin(normalised, SAMPLES_TO_EVOLVE)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
 
         def coarse(theta: FloatArray) -> FloatArray:
@@ -65,16 +72,16 @@ class JilesAtherton:
             return min(candidates, key=lambda residual: float(residual @ residual))
 
         start = evolve(coarse, BOUNDS, EVALUATIONS)
-        thinned = thin(own, SAMPLES_TO_POLISH)
+        thinned = thin(normalised, SAMPLES_TO_POLISH)
         drive, scored = Drive.of(thinned), np.concatenate([record.scored for record in thinned])
         fits = []
         for is_force in (False, True):
 
-            def fine(theta: FloatArray, is_force: bool = is_force) -> FloatArray:
+            def polish_residual(theta: FloatArray, is_force: bool = is_force) -> FloatArray:
                 return _residual(theta, drive, scored, is_force)
 
-            theta = polish(fine, start, BOUNDS, EVALUATIONS_TO_POLISH)
-            fits.append((float(np.sum(fine(theta) ** 2)), theta, is_force))
+            theta = polish(polish_residual, start, BOUNDS, EVALUATIONS_TO_POLISH)
+            fits.append((float(np.sum(polish_residual(theta) ** 2)), theta, is_force))
         _, self._theta, self._is_force = min(fits, key=lambda fit: fit[0])
         features = _features(self._theta, drive, self._is_force)
         self._coefficients = solve_linear(features[scored], drive.output[scored])
@@ -116,18 +123,30 @@ def _magnetise(
     """Return the magnetisation relative to saturation; each start is demagnetised at its field."""
     m = np.empty(field.size)
     state, h = 0.0, 0.0
+    longest = MAX_STEP * min(width, pinning)
     for sample in range(field.size):
         if is_start[sample]:
             state, h = 0.0, 0.0
         change = field[sample] - h
-        longest = MAX_STEP * min(width, pinning)
+        if change == 0.0:
+            m[sample] = state
+            continue
         steps = min(MAX_STEPS_PER_SAMPLE, int(abs(change) / longest) + 1)
-        dh = change / steps
-        for _ in range(steps):
-            first = _susceptibility(h, state, dh, width, coupling, pinning, reversible)
-            half = state + 0.5 * dh * first
-            state += dh * _susceptibility(h + 0.5 * dh, half, dh, width, coupling, pinning, reversible)
+        dh, travelled = change / steps, 0.0
+        while travelled < 1.0 - 1e-9:
+            dh = np.sign(change) * min(abs(dh), (1.0 - travelled) * abs(change))
+            slope = _susceptibility(h, state, dh, width, coupling, pinning, reversible)
+            middle = state + 0.5 * dh * slope
+            dm = dh * _susceptibility(h + 0.5 * dh, middle, dh, width, coupling, pinning, reversible)
+            is_too_long = max(abs(dm), abs(dh * slope)) > MAX_CHANGE
+            if is_too_long and abs(dh) > SMALLEST_STEP * abs(change):
+                dh /= 2.0
+                continue
+            state += dm
             h += dh
+            travelled += dh / change
+            dh *= 1.5
+        h = field[sample]
         state = max(-1.0, min(1.0, state))
         m[sample] = state
     return m

@@ -9,8 +9,8 @@ linear function of the input adds the reversible part.
 
 The output function and the reversible part are linear in their heights, and are eliminated by
 variable projection (Golub and Pereyra 1973). The weights of the plays are then found by
-Gauss-Newton steps, each a nonnegative least-squares problem with a line search. Envelope and
-smoothness are those with the smallest error on withheld parts of the training records.
+Gauss-Newton steps, each a nonnegative least-squares problem with a line search. Envelope,
+smoothness and use of creep have the smallest error on withheld parts of the training records.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from scipy.optimize import nnls
 from ..records import FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, from_rest, grid_lines, hats, thin, withheld
+from ._withheld import Scaling, add_mirror_images, grid_lines, hats, start_at_zero, thin, withheld
 
 THRESHOLDS = 32
 OUTPUT_KNOTS = 20
 REVERSIBLE_KNOTS = 8
-STEEPNESSES = (0.0, 0.7, 1.5, 3.0, 6.0, 12.0)
-PENALTIES = (1e-7, 1e-5, 1e-3)
+CREEP_OPERATORS = 6
+STEEPNESSES = (0.0, 0.7, 1.5, 3.0, 6.0, 12.0, 25.0, 60.0)
+PENALTIES = (1e-7, 1e-5, 1e-3, 1e-2, 1e-1, 1.0)
 WEIGHT_PENALTY = 1e-8
 FOLDS = 2
 ROUNDS_TO_CHOOSE = 10
@@ -49,15 +50,18 @@ class _Regressors:
     reversible: FloatArray
 
     @classmethod
-    def of(cls, records: Sequence[Record], steepness: float, knots: FloatArray) -> _Regressors:
+    def of(
+        cls, records: Sequence[Record], steepness: float, knots: FloatArray, creep_times: FloatArray
+    ) -> _Regressors:
         """Return the regressors of all records, one after the other."""
         plays = []
         for record in records:
             path = record.path
-            u = _envelope(from_rest(path.input), steepness)
+            u = _envelope(start_at_zero(path.input), steepness)
             plays.append(_run_plays(u, _thresholds())[1 + path.lead_in :])
         inputs = np.concatenate([record.input for record in records])
-        return cls(np.vstack(plays), hats(inputs, knots))
+        creep = np.vstack([_creep(record, creep_times) for record in records])
+        return cls(np.vstack(plays), np.hstack([hats(inputs, knots), creep]))
 
     def rows(self, mask: FloatArray) -> _Regressors:
         """Return the regressors of some samples."""
@@ -96,7 +100,8 @@ class _Chain:
         """Fit the output function and the reversible part, and return the cost."""
         total = regressors.plays @ self.weights
         self.knots = np.linspace(np.min(total), np.max(total) + 1e-12, OUTPUT_KNOTS)
-        basis = np.vstack([self._basis(regressors), _smoothness(np.sqrt(self._penalty * y.size))])
+        basis = self._basis(regressors)
+        basis = np.vstack([basis, _smoothness(basis.shape[1], np.sqrt(self._penalty * y.size))])
         target = np.concatenate([y, np.zeros(len(basis) - y.size)])
         self._orthonormal, triangle = np.linalg.qr(basis)
         self.heights = np.linalg.lstsq(triangle, self._orthonormal.T @ target)[0]
@@ -144,38 +149,46 @@ class PrandtlIshlinskii:
     def fit(self, records: Sequence[Record]) -> None:
         """Choose envelope and smoothness on withheld parts, and fit the weights to all records."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
-        self._knots = grid_lines(own, REVERSIBLE_KNOTS - 1)
-        self._steepness, penalty = self._choose(thin(own, MAX_SAMPLES_TO_CHOOSE))
+        normalised = [self._scaling.normalise(record) for record in records]
+        self._knots = grid_lines(normalised, REVERSIBLE_KNOTS - 1)
+        self._steepness, penalty, self._creep_times = self._choose(thin(normalised, MAX_SAMPLES_TO_CHOOSE))
         self._chain = _Chain(penalty)
-        used = np.concatenate([record.scored for record in own])
-        y = np.concatenate([record.output for record in own])[used]
-        self._chain.fit(_Regressors.of(own, self._steepness, self._knots).rows(used), y, ROUNDS)
+        normalised = add_mirror_images(normalised)
+        used = np.concatenate([record.scored for record in normalised])
+        y = np.concatenate([record.output for record in normalised])[used]
+        self._chain.fit(
+            _Regressors.of(normalised, self._steepness, self._knots, self._creep_times).rows(used), y, ROUNDS
+        )
 
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
-        own = self._scaling.normalise(record)
-        return self._scaling.restore(self._chain.predict(_Regressors.of([own], self._steepness, self._knots)))
+        normalised = self._scaling.normalise(record)
+        return self._scaling.restore(
+            self._chain.predict(_Regressors.of([normalised], self._steepness, self._knots, self._creep_times))
+        )
 
     def n_parameters(self) -> int:
         """Return the nonzero weights, the heights of both functions, and the steepness."""
         return int(np.count_nonzero(self._chain.weights)) + len(self._chain.heights) + 1
 
-    def _choose(self, records: Sequence[Record]) -> tuple[float, float]:
-        """Return the steepness and the penalty with the least withheld error."""
+    def _choose(self, records: Sequence[Record]) -> tuple[float, float, FloatArray]:
+        """Return steepness, penalty and time constants of creep with the smallest withheld error."""
         used = np.concatenate([record.scored for record in records])
         y = np.concatenate([record.output for record in records])[used]
         folds = [np.concatenate(withheld(records, fold, FOLDS))[used] for fold in range(FOLDS)]
         errors = {}
-        for steepness, penalty in itertools.product(STEEPNESSES, PENALTIES):
-            regressors = _Regressors.of(records, steepness, self._knots).rows(used)
-            errors[steepness, penalty] = 0.0
+        creep_times = _choose_creep_times(records)
+        sizes = (0, creep_times.size) if creep_times.size else (0,)
+        for steepness, penalty, size in itertools.product(STEEPNESSES, PENALTIES, sizes):
+            regressors = _Regressors.of(records, steepness, self._knots, creep_times[:size]).rows(used)
+            errors[steepness, penalty, size] = 0.0
             for out in folds:
                 chain = _Chain(penalty)
                 chain.fit(regressors.rows(~out), y[~out], ROUNDS_TO_CHOOSE)
                 residual = y[out] - chain.predict(regressors.rows(out))
-                errors[steepness, penalty] += float(residual @ residual)
-        return min(errors, key=lambda key: errors[key])
+                errors[steepness, penalty, size] += float(residual @ residual)
+        steepness, penalty, size = min(errors, key=lambda key: errors[key])
+        return steepness, penalty, creep_times[:size]
 
 
 def _thresholds() -> FloatArray:
@@ -192,12 +205,35 @@ def _envelope(u: FloatArray, steepness: float) -> FloatArray:
     return mapped
 
 
-def _smoothness(weight: float) -> FloatArray:
-    """Return rows that penalise the curvature of both functions and, slightly, every height."""
-    columns = OUTPUT_KNOTS + REVERSIBLE_KNOTS
-    bend = np.diff(np.eye(columns), 2, axis=0)
+def _smoothness(columns: int, weight: float) -> FloatArray:
+    """Return rows that penalise the curvature of both functions and, slightly, every coefficient."""
+    knots = OUTPUT_KNOTS + REVERSIBLE_KNOTS
+    bend = np.diff(np.eye(knots, columns), 2, axis=0)
     across = [OUTPUT_KNOTS - 2, OUTPUT_KNOTS - 1]  # rows that would couple both functions
     return np.vstack([weight * np.delete(bend, across, axis=0), 1e-2 * weight * np.eye(columns)])
+
+
+def _choose_creep_times(records: Sequence[Record]) -> FloatArray:
+    """Return time constants from a time step to the longest record, or none without times."""
+    times = [record.time for record in records if record.time is not None]
+    if len(times) < len(records):
+        return np.zeros(0)
+    shortest = min(float(np.median(np.diff(time))) for time in times)
+    longest = max(float(time[-1] - time[0]) for time in times)
+    return np.geomspace(shortest, longest, CREEP_OPERATORS)
+
+
+def _creep(record: Record, creep_times: FloatArray) -> FloatArray:
+    """Return the input after first-order lags at each sample, shape (n, time constants)."""
+    path = record.path
+    states = np.zeros((path.input.size, creep_times.size))
+    if creep_times.size and path.time is not None:
+        shares = np.exp(-np.diff(path.time)[:, None] / creep_times)
+        states[0] = path.input[0]
+        for sample in range(1, path.input.size):
+            middle = 0.5 * (path.input[sample] + path.input[sample - 1])
+            states[sample] = middle + shares[sample - 1] * (states[sample - 1] - middle)
+    return states[path.lead_in :]
 
 
 def _solve_nonnegative(gram: FloatArray, target: FloatArray) -> FloatArray:
@@ -214,8 +250,8 @@ def _run_plays(u: FloatArray, thresholds: FloatArray) -> FloatArray:
     state = np.zeros(thresholds.size)
     for sample in range(u.size):
         for index in range(thresholds.size):
-            low, high = u[sample] - thresholds[index], u[sample] + thresholds[index]
-            state[index] = max(low, min(high, state[index]))
+            lower, upper = u[sample] - thresholds[index], u[sample] + thresholds[index]
+            state[index] = max(lower, min(upper, state[index]))
             plays[sample, index] = state[index]
     return plays
 

@@ -26,7 +26,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from ..records import BoolArray, FloatArray, Record
 from ._compiled import compiled
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, grid_lines, hats, thin, withheld
+from ._withheld import Scaling, add_mirror_images, grid_lines, hats, thin, withheld
 
 SIDES = (20, 32, 50)
 PENALTIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
@@ -62,10 +62,10 @@ class _Grid:
         """Return the regressors of a record: share of each cell that is up, and the hat functions."""
         path = record.path
         places = np.interp(path.input, self.lines, np.arange(self.lines.size, dtype=float))
-        relays = _relay_shares(places, path.lead_in, self._rest(), self.lines.size - 1)
+        relays = _relay_shares(places, path.lead_in, self._demagnetising_extrema(), self.lines.size - 1)
         return np.hstack([relays, hats(record.input, self.knots)])
 
-    def _rest(self) -> FloatArray:
+    def _demagnetising_extrema(self) -> FloatArray:
         """Return the extrema that lead to the demagnetised state: decreasing pairs around zero."""
         largest = max(abs(self.lines[0]), abs(self.lines[-1]))
         sizes = np.unique(np.concatenate([np.abs(self.lines), np.linspace(0.0, largest, 101)]))[::-1]
@@ -79,13 +79,13 @@ class _Grid:
         index = np.full((side, side), -1)
         index[np.tril_indices(side)] = np.arange(self.cells)
         matrix = np.zeros((self.cells, self.cells))
-        for first, second in ((index[1:], index[:-1]), (index[:, 1:], index[:, :-1])):
-            inside = (first >= 0) & (second >= 0)
-            one, two = first[inside], second[inside]
-            np.add.at(matrix, (one, one), 1.0)
-            np.add.at(matrix, (two, two), 1.0)
-            np.add.at(matrix, (one, two), -1.0)
-            np.add.at(matrix, (two, one), -1.0)
+        for neighbour, cell in ((index[1:], index[:-1]), (index[:, 1:], index[:, :-1])):
+            inside = (neighbour >= 0) & (cell >= 0)
+            left, right = neighbour[inside], cell[inside]
+            np.add.at(matrix, (left, left), 1.0)
+            np.add.at(matrix, (right, right), 1.0)
+            np.add.at(matrix, (left, right), -1.0)
+            np.add.at(matrix, (right, left), -1.0)
         return matrix
 
 
@@ -95,12 +95,13 @@ class PreisachNNLS:
     def fit(self, records: Sequence[Record]) -> None:
         """Choose grid, penalty and sign on withheld parts, and fit the density to all records."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
-        settings = _choose(thin(own, MAX_SAMPLES_TO_CHOOSE))
-        self._grid = _make_grid(own, settings.side)
-        used = np.concatenate([record.scored for record in own])
-        design = np.vstack([self._grid.design(record) for record in own])[used]
-        y = np.concatenate([record.output for record in own])[used]
+        normalised = [self._scaling.normalise(record) for record in records]
+        settings = _choose(thin(normalised, MAX_SAMPLES_TO_CHOOSE))
+        normalised = add_mirror_images(normalised)
+        self._grid = _make_grid(normalised, settings.side)
+        used = np.concatenate([record.scored for record in normalised])
+        design = np.vstack([self._grid.design(record) for record in normalised])[used]
+        y = np.concatenate([record.output for record in normalised])[used]
         self._weights = _solve(
             design.T @ design + y.size * _regularisation(self._grid, settings.penalty),
             design.T @ y,
@@ -120,12 +121,12 @@ def _make_grid(records: Sequence[Record], side: int) -> _Grid:
     """Return a grid somewhat larger than the range of the input, made symmetric by one more line."""
     lines = grid_lines(records, side)
     margin = MARGIN * (lines[-1] - lines[0])
-    low, high = float(lines[0] - margin), float(lines[-1] + margin)
-    lines = np.concatenate([[low], lines, [high]])
-    if -low < MIN_SYMMETRY * high:
+    lower, high = float(lines[0] - margin), float(lines[-1] + margin)
+    lines = np.concatenate([[lower], lines, [high]])
+    if -lower < MIN_SYMMETRY * high:
         lines = np.concatenate([[-high], lines])
-    elif high < MIN_SYMMETRY * -low:
-        lines = np.concatenate([lines, [-low]])
+    elif high < MIN_SYMMETRY * -lower:
+        lines = np.concatenate([lines, [-lower]])
     return _Grid(lines, grid_lines(records, REVERSIBLE_KNOTS - 1))
 
 
@@ -149,9 +150,9 @@ def _choose(records: Sequence[Record]) -> _Settings:
         penalties: Sequence[float] = PENALTIES
         signs: Sequence[bool] = (False, True)
         if errors:
-            best = min(errors, key=lambda settings: errors[settings])
-            near = PENALTIES.index(best.penalty)
-            penalties, signs = PENALTIES[max(near - 1, 0) : near + 2], (best.is_signed,)
+            selected = min(errors, key=lambda settings: errors[settings])
+            position = PENALTIES.index(selected.penalty)
+            penalties, signs = PENALTIES[max(position - 1, 0) : position + 2], (selected.is_signed,)
         for is_signed in signs:
             for penalty, error in _withheld_errors(records, side, penalties, is_signed).items():
                 errors[_Settings(side, penalty, is_signed)] = error
@@ -198,49 +199,49 @@ def _solve(
     The pivoting exchanges all infeasible variables as long as their number decreases, and after
     three failures only the last one, which terminates in exact arithmetic.
     """
-    free = np.ones(target.size, np.bool_) if start is None else start != 0.0
+    is_free = np.ones(target.size, np.bool_) if start is None else start != 0.0
     bounded = np.arange(target.size) < bounded_count
-    fewest, chances = target.size + 1, 3
+    smallest_count, chances = target.size + 1, 3
     for _ in range(MAX_EXCHANGES):
-        weights = _solve_free(matrix, target, free)
+        weights = _solve_free(matrix, target, is_free)
         gradient = matrix @ weights - target
         scale = 1e-10 * float(np.max(np.abs(target)))
-        infeasible = bounded & ((free & (weights < 0.0)) | (~free & (gradient < -scale)))
+        infeasible = bounded & ((is_free & (weights < 0.0)) | (~is_free & (gradient < -scale)))
         count = int(np.count_nonzero(infeasible))
         if count == 0:
             return weights
-        if count < fewest:
-            fewest, chances = count, 3
+        if count < smallest_count:
+            smallest_count, chances = count, 3
         elif chances > 0:
             chances -= 1
         else:
             last = int(np.flatnonzero(infeasible)[-1])
             infeasible = np.arange(target.size) == last
-        free = free ^ infeasible
+        is_free = is_free ^ infeasible
     return np.where(bounded, np.maximum(weights, 0.0), weights)
 
 
-def _solve_free(matrix: FloatArray, target: FloatArray, free: BoolArray) -> FloatArray:
-    """Return the solution over the free variables; the others are zero."""
+def _solve_free(matrix: FloatArray, target: FloatArray, is_free: BoolArray) -> FloatArray:
+    """Return the solution whose free variables are given; the others are zero."""
     weights = np.zeros(target.size)
-    part = matrix[np.ix_(free, free)]
+    part = matrix[np.ix_(is_free, is_free)]
     try:
-        weights[free] = cho_solve(cho_factor(part, overwrite_a=True, check_finite=False), target[free])
+        weights[is_free] = cho_solve(cho_factor(part, overwrite_a=True, check_finite=False), target[is_free])
     except LinAlgError:
-        weights[free] = np.linalg.lstsq(part, target[free])[0]
+        weights[is_free] = np.linalg.lstsq(part, target[is_free])[0]
     return weights
 
 
 @compiled
-def _relay_shares(places: FloatArray, lead_in: int, rest: FloatArray, side: int) -> FloatArray:
+def _relay_shares(places: FloatArray, lead_in: int, demagnetisation: FloatArray, side: int) -> FloatArray:
     """Return the share of each cell whose relays are up, shape (n - lead_in, cells).
 
     The stack contains the extrema that still count, maxima at even positions and minima at odd
     ones. Cells are unit squares in the coordinates of the places.
     """
-    stack = np.empty(rest.size + places.size + 2)
-    depth = rest.size
-    stack[:depth] = rest
+    stack = np.empty(demagnetisation.size + places.size + 2)
+    depth = demagnetisation.size
+    stack[:depth] = demagnetisation
     base = np.zeros(side * (side + 1) // 2)
     for pair in range(0, depth, 2):
         _add_triangle(base, stack[pair], stack[pair - 1] if pair else 0.0, 1.0, side)
@@ -292,14 +293,14 @@ def _add_triangle_of(
 
 
 @compiled
-def _add_triangle(base: FloatArray, high: float, low: float, sign: float, side: int) -> None:
-    """Add the share of each cell with its up threshold below `high` and its down threshold above `low`."""
-    for i in range(int(low), min(side, int(np.ceil(high)))):
+def _add_triangle(base: FloatArray, high: float, lower: float, sign: float, side: int) -> None:
+    """Add the share of each cell with its up threshold below `high` and its down threshold above `lower`."""
+    for i in range(int(lower), min(side, int(np.ceil(high)))):
         up = min(1.0, high - i)
         start = i * (i + 1) // 2
-        for j in range(int(low), i):
-            base[start + j] += sign * up * min(1.0, j + 1.0 - low)
-        part = up - max(0.0, low - i)
+        for j in range(int(lower), i):
+            base[start + j] += sign * up * min(1.0, j + 1.0 - lower)
+        part = up - max(0.0, lower - i)
         if part > 0.0:
             base[start + i] += sign * part * part
 

@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from ..records import FloatArray, Record
 from ._over_schedule import OverSchedule
-from ._withheld import Scaling, grid_lines, withheld
+from ._withheld import Scaling, add_mirror_images, grid_lines, withheld
 
 INTERVALS = (1, 2, 4, 8, 16, 32)
 PENALTIES = (1e-8, 1e-5, 1e-2)
@@ -29,23 +29,27 @@ class SingleValued:
     def fit(self, records: Sequence[Record]) -> None:
         """Fit the spline; its flexibility is chosen on withheld parts of the records."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
-        used = np.concatenate([record.scored for record in own])
-        u = np.concatenate([record.input for record in own])[used]
-        y = np.concatenate([record.output for record in own])[used]
-        folds = [np.concatenate(withheld(own, fold, FOLDS))[used] for fold in range(FOLDS)]
-        best = np.inf
+        normalised = [self._scaling.normalise(record) for record in records]
+        used = np.concatenate([record.scored for record in normalised])
+        u = np.concatenate([record.input for record in normalised])[used]
+        y = np.concatenate([record.output for record in normalised])[used]
+        folds = [np.concatenate(withheld(normalised, fold, FOLDS))[used] for fold in range(FOLDS)]
+        odd_records = add_mirror_images(normalised)
+        odd_used = np.concatenate([record.scored for record in odd_records])
+        odd_u = np.concatenate([record.input for record in odd_records])[odd_used]
+        odd_y = np.concatenate([record.output for record in odd_records])[odd_used]
+        smallest_error = np.inf
         for intervals in INTERVALS:
-            lines = grid_lines(own, intervals)
+            lines = grid_lines(normalised, intervals)
             basis = _basis(u, lines)
             for penalty in PENALTIES:
                 error = sum(
                     float(np.sum((y[out] - basis[out] @ _solve(basis[~out], y[~out], penalty)) ** 2))
                     for out in folds
                 )
-                if error < best * (1.0 - 1e-3):
-                    best = error
-                    self._lines, self._weights = lines, _solve(basis, y, penalty)
+                if error < smallest_error * (1.0 - 1e-3):
+                    smallest_error = error
+                    self._lines, self._weights = lines, _solve(_basis(odd_u, lines), odd_y, penalty)
 
     def predict(self, record: Record) -> FloatArray:
         """Return the value of the curve at each sample."""

@@ -42,7 +42,7 @@ class _Signal:
     input: FloatArray
     output: FloatArray
     used: BoolArray
-    places: FloatArray  # positions of the record's own samples on the grid
+    places: FloatArray  # positions of the record's samples on the grid
 
     @classmethod
     def of(cls, record: Record, step: float, used: BoolArray) -> _Signal:
@@ -76,14 +76,14 @@ class _TransferFunction:
 
     def fit(self, signals: Sequence[_Signal], rounds: int) -> None:
         """Fit the coefficients to the outputs that are used."""
-        best = np.inf
+        smallest_cost = np.inf
         for _ in range(REFINEMENTS):
             self._denominator = self._refine(signals)
             cost = self._fit_numerator(signals)
-            if cost < best:
-                best, kept = cost, (self._denominator, self._numerator)
+            if cost < smallest_cost:
+                smallest_cost, kept = cost, (self._denominator, self._numerator)
         self._denominator, self._numerator = kept
-        self._descend(signals, best, rounds)
+        self._descend(signals, smallest_cost, rounds)
 
     def simulate(self, u: FloatArray) -> FloatArray:
         """Return the output from the steady state of the first input."""
@@ -154,26 +154,28 @@ class StateSpace:
     def fit(self, records: Sequence[Record]) -> None:
         """Choose the order on withheld parts, and fit the model to all records."""
         self._scaling = Scaling.of(records)
-        own = [self._scaling.normalise(record) for record in records]
-        self._step = _common_step(own)
+        normalised = [self._scaling.normalise(record) for record in records]
+        self._step = _common_step(normalised)
         errors = dict.fromkeys(ORDERS, 0.0)
         for fold in range(FOLDS):
-            out = withheld(own, fold, FOLDS)
-            kept = self._signals(own, [~mask for mask in out])
+            out = withheld(normalised, fold, FOLDS)
+            kept = self._signals(normalised, [~mask for mask in out])
             for order in ORDERS:
                 model = _TransferFunction(order)
                 model.fit(kept, ROUNDS_TO_CHOOSE)
-                for signal in self._signals(own, out):
+                for signal in self._signals(normalised, out):
                     residual = (signal.output - model.simulate(signal.input))[signal.used]
                     errors[order] += float(residual @ residual)
         self._order = min(errors, key=errors.__getitem__)
         self._model = _TransferFunction(self._order)
-        self._model.fit(self._signals(own, [np.ones(record.input.size, np.bool_) for record in own]), ROUNDS)
+        self._model.fit(
+            self._signals(normalised, [np.ones(record.input.size, np.bool_) for record in normalised]), ROUNDS
+        )
 
     def predict(self, record: Record) -> FloatArray:
         """Return the simulated output at each sample."""
-        own = self._scaling.normalise(record)
-        signal = _Signal.of(own, self._step, record.scored)
+        normalised = self._scaling.normalise(record)
+        signal = _Signal.of(normalised, self._step, record.scored)
         return self._scaling.restore(signal.sample(self._model.simulate(signal.input)))
 
     def n_parameters(self) -> int:
@@ -191,11 +193,11 @@ class StateSpace:
 def _common_step(records: Sequence[Record]) -> float:
     """Return the time step of the grid, or zero if the records have no times."""
     times = [record.path.time for record in records]
-    known = [time for time in times if time is not None]
-    if len(known) < len(times):
+    recorded_times = [time for time in times if time is not None]
+    if len(recorded_times) < len(times):
         return 0.0
-    step = min(float(np.median(np.diff(time))) for time in known)
-    return max(step, sum(float(time[-1] - time[0]) for time in known) / MAX_SAMPLES)
+    step = min(float(np.median(np.diff(time))) for time in recorded_times)
+    return max(step, sum(float(time[-1] - time[0]) for time in recorded_times) / MAX_SAMPLES)
 
 
 def _filter(denominator: FloatArray, signal: FloatArray) -> FloatArray:

@@ -222,7 +222,6 @@ class CandidateComparison:
     withheld_kind: WithheldKind = "gap"
     noise_cost: float = 0.0  # cost of the sensor noise
     drop_reasons: dict[ModelCandidate, str] = field(default_factory=dict)  # reason for each failed candidate
-    is_central_selected: bool = False  # whether loops of other amplitudes decided
 
     def drop_candidate(self, candidate: ModelCandidate, error: Exception) -> None:
         """Remove a failed candidate from the selection and store the reason."""

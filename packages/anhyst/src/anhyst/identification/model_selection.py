@@ -35,7 +35,6 @@ from anhyst.identification.candidates import (
 )
 from anhyst.identification.cell_kernel import LAW_BY_SHAPE, CellKernel, make_weight_kernel
 from anhyst.identification.cell_search import CellSearch, fit_cell_weights, fit_under_map, use_exact_tables
-from anhyst.identification.central_law import select_central_law
 from anhyst.identification.cross_validation import (
     block_numbers,
     expected_error,
@@ -282,14 +281,7 @@ class Selection:
             else [*comparison.contenders, *cell_entries]
         )
         comparison.contenders[:] = self._filter_eligible(candidates)
-        best = self.select()
-        if comparison.withheld_kind != "block":
-            return best
-        central = select_central_law(comparison, best, self.loopset)
-        comparison.is_central_selected = central != best and _passes_acceptance(
-            comparison.fits[central].reduced_fit, self.loopset
-        )
-        return central if comparison.is_central_selected else best
+        return self.select()
 
     def _search_cells(self, base: ModelCandidate) -> list[ModelCandidate]:
         """Fit play cells under one map.

@@ -79,8 +79,6 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
 
 def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, loser: ModelCandidate) -> str:
     """Explain why a candidate with a smaller mean error was not selected."""
-    if comparison.is_central_selected:
-        return ", but its loops at other amplitudes are farther from those of the other laws"
     if comparison.is_several_times_worse(loser, best):
         rms = np.sqrt([comparison.fits[candidate].reduced_fit.cost for candidate in (best, loser)])
         return f", but it fits the loops with {_as_percent(rms[1])} rms instead of {_as_percent(rms[0])}"
