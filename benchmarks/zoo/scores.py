@@ -118,6 +118,8 @@ def _round_trip(model: Model, task: Task) -> float | None:
     """Return the error of the inverse on the first test record, or None if it cannot be computed."""
     try:
         error = round_trip_error(model, task.test[0], task.training)
+    except TimeoutError:
+        raise
     except Exception:  # the prediction counts although the inverse fails
         return None
     return error if np.isfinite(error) else None
