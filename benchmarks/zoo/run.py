@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -32,33 +30,12 @@ class Job:
     files: tuple[Path, ...]  # files of models that are not part of the benchmark
 
 
-PROCESSOR_TIME_LIMIT_S = 60.0
-"""Processor time of one model on one task after which it is stopped and counts as declined."""
-
-
-@contextmanager
-def limited_time() -> Iterator[None]:
-    """Raise `TimeoutError` when the block exceeds the limit of processor time."""
-
-    def stop(*_: object) -> None:
-        raise TimeoutError(f"stopped after {PROCESSOR_TIME_LIMIT_S:g} s of processor time")
-
-    signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, PROCESSOR_TIME_LIMIT_S)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-
-
 def run_job(job: Job) -> tuple[Scores, list[FloatArray]]:
     """Score a model; a model that fails gets its error as the reason."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            model, task = find_models(job.files)[job.model](), read_task(job.task)
-            with limited_time():
-                return score(model, task)
+            return score(find_models(job.files)[job.model](), read_task(job.task))
         except MissingData:
             raise
         except TimeoutError as limit:

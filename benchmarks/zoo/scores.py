@@ -14,6 +14,12 @@ from .model import Model, Refusal
 from .probes import has_even_output, probe_behaviour
 from .records import FloatArray, Record
 from .task import Task
+from .time_limit import limited_time
+
+FIT_LIMIT_S = 120.0
+"""Processor time of a fit, after which the model is stopped and counts as declined."""
+INVERSE_LIMIT_S = 20.0
+"""Processor time of the inverse, after which it is not computed."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,8 @@ def score(model: Model, task: Task) -> tuple[Scores, list[FloatArray]]:
     """Fit a model to a task; return its scores and its outputs of the test records."""
     began = time.process_time()
     try:
-        model.fit(task.training)
+        with limited_time(FIT_LIMIT_S):
+            model.fit(task.training)
     except Refusal as refusal:
         return Scores(refusal=str(refusal), fit_s=time.process_time() - began), []
     recorded_s: float | None = getattr(model, "recorded_fit_s", None)
@@ -117,9 +124,8 @@ def _predict(model: Model, records: Sequence[Record]) -> tuple[list[FloatArray],
 def _round_trip(model: Model, task: Task) -> float | None:
     """Return the error of the inverse on the first test record, or None if it cannot be computed."""
     try:
-        error = round_trip_error(model, task.test[0], task.training)
-    except TimeoutError:
-        raise
-    except Exception:  # the prediction counts although the inverse fails
+        with limited_time(INVERSE_LIMIT_S):
+            error = round_trip_error(model, task.test[0], task.training)
+    except Exception:  # the prediction counts although the inverse fails or takes too long
         return None
     return error if np.isfinite(error) else None
