@@ -131,7 +131,6 @@ LAWS: dict[str, tuple[Mapping[str, Factory], Law, float]] = {
 
 @pytest.mark.parametrize("name", LAWS)
 def test_model_recovers_its_own_law(name: str) -> None:
-    pytest.importorskip("numba", reason="the loops over samples are compiled with numba")
     models, law, limit = LAWS[name]
     training, test = make_records(law)
     model = models[name]()

@@ -1,4 +1,4 @@
-"""The learned models: forward passes against PyTorch, properties by construction, and their records."""
+"""The learned models: golden vectors of PyTorch, properties by construction, and their records."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ from zoo.records import FloatArray, Record
 from zoo.task import read_task
 
 HIDDEN, FEATURES, STEPS = 3, 2, 40
-NEEDS_NUMBA = "play operators need numba, which make zoo installs"
-NEEDS_TORCH = "PyTorch is not installed, so that only the golden vector is compared"
 
 # States after the first and the last step, and outputs of two samples, as PyTorch computes them.
 GRU_GOLDEN = np.array(
@@ -86,55 +84,15 @@ def test_gru_agrees_with_golden_vector() -> None:
     assert np.allclose(states[[0, -1]], GRU_GOLDEN, rtol=0.0, atol=1e-12)
 
 
-def test_gru_agrees_with_torch() -> None:
-    torch = pytest.importorskip("torch", reason=NEEDS_TORCH)
-    arrays, inputs = gru_arrays(), wave(STEPS, FEATURES, factor=0.9)
-    tensors = {key: torch.tensor(value, requires_grad=True) for key, value in arrays.items()}
-    weights = [tensors[key] for key in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")]
-    h0 = tensors["h0"].expand(1, 1, HIDDEN).contiguous()
-    states, _ = torch.gru(torch.tensor(inputs)[None], h0, weights, True, 1, 0.0, False, False, True)
-    assert np.allclose(gru.run_gru(arrays, inputs), states[0].detach(), atol=1e-12)
-
-    pytest.importorskip("numba", reason="the training needs numba")
-    from zoo.models._gru_kernel import gru_function
-
-    driven = torch.tensor(inputs)[None] @ tensors["weight_ih"].T + tensors["bias_ih"]
-    own = gru_function()(driven, *(tensors[key] for key in ("weight_hh", "bias_hh", "h0")))
-    wanted = torch.autograd.grad((states**2).sum(), list(tensors.values()))
-    derivatives = torch.autograd.grad((own**2).sum(), list(tensors.values()))
-    for ours, theirs in zip(derivatives, wanted, strict=True):
-        assert np.allclose(ours, theirs, atol=1e-9)
-
-
 def test_play_network_agrees_with_golden_vector() -> None:
-    pytest.importorskip("numba", reason=NEEDS_NUMBA)
     arrays = play_arrays() | filter_arrays("before") | filter_arrays("behind")
     u = np.tile(cycle(), 2)
     assert np.allclose(run_play(arrays, u)[[30, -1]], PLAY_GOLDEN, rtol=0.0, atol=1e-12)
     assert np.allclose(run_play(arrays, u, np.ones(u.size))[[30, -1]], FILTER_GOLDEN, rtol=0.0, atol=1e-12)
 
 
-def test_play_network_agrees_with_torch() -> None:
-    torch = pytest.importorskip("torch", reason=NEEDS_TORCH)
-    pytest.importorskip("numba", reason=NEEDS_NUMBA)
-    arrays = play_arrays() | filter_arrays("before") | filter_arrays("behind")
-    tensors = {key: torch.tensor(value, requires_grad=True) for key, value in arrays.items()}
-    u = cycle()
-    bounds, rows = [(0, u.size)], np.arange(u.size)
-    output = play_network.run_network(
-        torch, tensors, torch.tensor(u), torch.ones(u.size, dtype=torch.float64), bounds, rows
-    )
-    assert np.allclose(output.detach(), run_play(arrays, u, np.ones(u.size)), atol=1e-12)
-    (slope,) = torch.autograd.grad(output[-1], tensors["log_increments"])
-    step = 1e-6
-    moved = arrays | {"log_increments": arrays["log_increments"] + step * np.array([1.0, 0.0, 0.0, 0.0])}
-    by_difference = (run_play(moved, u, np.ones(u.size)) - run_play(arrays, u, np.ones(u.size)))[-1] / step
-    assert slope[0].item() == pytest.approx(by_difference, abs=1e-4)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_play_network_dissipates_and_rises_with_any_parameters(seed: int) -> None:
-    pytest.importorskip("numba", reason=NEEDS_NUMBA)
     rng = np.random.default_rng(seed)
     turns = rng.uniform(-1.0, 1.0, 9)
     u = np.tile(np.interp(np.arange(900) / 100.0, np.arange(10.0), np.append(turns, turns[0])), 3)
@@ -155,8 +113,6 @@ def test_play_network_dissipates_and_rises_with_any_parameters(seed: int) -> Non
     ],
 )
 def test_recorded_model_closes_settled_cycles(factory: Any, gap: float) -> None:
-    if factory is play_network.MODELS["play network"]:
-        pytest.importorskip("numba", reason=NEEDS_NUMBA)
     training = read_task("tellinen-magnet").training
     model: Model = factory()
     model.fit(training)
