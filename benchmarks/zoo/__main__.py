@@ -70,16 +70,16 @@ def run_models(
     for task, reason in measured.skipped.items():
         print(f"skipped: {task}: {reason}")
     if own_models and record.scores:
-        print("\n".join(differences) or "The figures of anhyst equal those of the record in all digits.")
+        print("\n".join(differences) or "The figures of anhyst equal the recorded figures in all digits.")
         if rank_order(measured, record):
-            print("The order of the models on each task is that of the record.")
+            print("The models of each task are ordered as in the record.")
     page = write_page(all_results, options.out)
     print(f"page: {page}")
     return 0
 
 
 def rank_order(measured: Results, record: Results) -> bool:
-    """Whether the models of each measured task have the order that they have in the record."""
+    """Whether the models of each measured task are ordered as in the record."""
 
     def order(results: Results, task: str) -> list[str]:
         scores = results.scores.get(task, {})

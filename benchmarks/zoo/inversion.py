@@ -1,9 +1,8 @@
 """Invert any model sample by sample, and compare the output with the demand.
 
-For each sample, the input between the limits of the training records is searched at which the model
-gives the demanded output, while all earlier inputs are kept. The method is the same for all models,
-also for those with an inverse of their own. A demand that the model cannot reach gives the nearer
-limit.
+A root search finds the input of each sample, between the limits of the training records. The model
+then gives the demanded output, and all earlier inputs are kept. All models are inverted in this
+way. A demand that the model cannot reach gives the nearer limit.
 """
 
 from __future__ import annotations

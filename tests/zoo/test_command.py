@@ -24,8 +24,8 @@ def run_zoo(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 def test_two_tasks_with_four_models_repeat_their_record(tmp_path: Path) -> None:
     models = ["anhyst", "single-valued curve", "Prandtl-Ishlinskii", "Preisach, NNLS"]
-    done = run_zoo("run", "--task", "steel-team32", "steel-m400", "--model", *models, "--out", tmp_path)
-    assert done.returncode == 0, done.stderr
+    process = run_zoo("run", "--task", "steel-team32", "steel-m400", "--model", *models, "--out", tmp_path)
+    assert process.returncode == 0, process.stderr
     scores = json.loads((tmp_path / "results.json").read_text("utf-8"))["scores"]
     assert {task: sorted(row) for task, row in scores.items()} == dict.fromkeys(
         ["steel-team32", "steel-m400"], sorted(models)
@@ -37,7 +37,7 @@ def test_two_tasks_with_four_models_repeat_their_record(tmp_path: Path) -> None:
         for model in models:  # other processors may differ in the last digits
             assert rows[model]["nrms"] == pytest.approx(record[task][model]["nrms"], rel=1e-3)
         assert rows["anhyst"]["is_passive"]
-    assert "| anhyst |" in done.stdout
+    assert "| anhyst |" in process.stdout
     page = (tmp_path / "index.html").read_text("utf-8")
     assert page.count("<svg") >= 3
     assert "steel-team32" in page
@@ -47,14 +47,14 @@ def test_the_model_on_the_page_is_short_and_runs_beside_the_record(tmp_path: Pat
     (block,) = (block for block in blocks(PAGE.read_text("utf-8")) if block.language == "python")
     assert len(block.code.splitlines()) < MAX_STRANGER_LINES
     (tmp_path / "mine.py").write_text(block.code, "utf-8")
-    done = run_zoo(
+    process = run_zoo(
         "run", "--model", tmp_path / "mine.py", "--task", "steel-team32", "--out", tmp_path / "out"
     )
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     scores = json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))["scores"]["steel-team32"]
     assert list(scores) == ["play and polynomial"]
     assert 0.0 < scores["play and polynomial"]["nrms"] < 1.0
-    assert "| anhyst |" in done.stdout, "the recorded models are shown in the same table"
+    assert "| anhyst |" in process.stdout, "the recorded models are shown in the same table"
 
 
 @pytest.mark.parametrize(
@@ -67,10 +67,10 @@ def test_the_model_on_the_page_is_short_and_runs_beside_the_record(tmp_path: Pat
     ],
 )
 def test_a_wrong_name_gives_one_line(arguments: list[str], message: str) -> None:
-    done = run_zoo(*arguments)
-    assert done.returncode != 0
-    assert message in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    process = run_zoo(*arguments)
+    assert process.returncode != 0
+    assert message in process.stderr
+    assert len(process.stderr.strip().splitlines()) == 1
 
 
 def test_a_failing_model_is_reported_and_the_others_continue(tmp_path: Path) -> None:
@@ -82,10 +82,10 @@ def test_a_failing_model_is_reported_and_the_others_continue(tmp_path: Path) -> 
         "MODELS = {'broken': Broken, 'identity': type('Identity', (Broken,), {'fit': lambda *_: None})}\n",
         "utf-8",
     )
-    done = run_zoo(
+    process = run_zoo(
         "run", "--model", tmp_path / "broken.py", "--task", "steel-team32", "--out", tmp_path / "out"
     )
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     scores = json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))["scores"]["steel-team32"]
     assert scores["broken"]["refusal"] == "failed: ValueError: no idea"
     assert scores["identity"]["nrms"] is not None

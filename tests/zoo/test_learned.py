@@ -18,7 +18,7 @@ from zoo.models._signals import Scaling, by_travel, split
 from zoo.records import FloatArray, Record
 from zoo.task import read_task
 
-HIDDEN, FEATURES, STEPS = 3, 2, 40
+STATE_SIZE, FEATURES, STEPS = 3, 2, 40
 
 # States after the first and the last step, and outputs of two samples, as PyTorch computes them.
 GRU_GOLDEN = np.array(
@@ -39,11 +39,11 @@ def wave(*shape: int, factor: float = 1.0) -> FloatArray:
 
 def gru_arrays() -> Arrays:
     return {
-        "weight_ih": wave(3 * HIDDEN, FEATURES),
-        "weight_hh": wave(3 * HIDDEN, HIDDEN, factor=0.7),
-        "bias_ih": wave(3 * HIDDEN, factor=0.4),
-        "bias_hh": wave(3 * HIDDEN, factor=0.3),
-        "h0": wave(HIDDEN, factor=0.2),
+        "weight_ih": wave(3 * STATE_SIZE, FEATURES),
+        "weight_hh": wave(3 * STATE_SIZE, STATE_SIZE, factor=0.7),
+        "bias_ih": wave(3 * STATE_SIZE, factor=0.4),
+        "bias_hh": wave(3 * STATE_SIZE, factor=0.3),
+        "h0": wave(STATE_SIZE, factor=0.2),
     }
 
 
@@ -118,13 +118,13 @@ def test_recorded_model_closes_settled_cycles(factory: Any, gap: float) -> None:
     model.fit(training)
     assert model.recorded_fit_s > 0.0  # type: ignore[attr-defined]
     record = training[0]
-    twice = replace(
+    repeated_record = replace(
         record,
         input=np.tile(record.input, 2),
         output=np.full(2 * record.input.size, np.nan),
         schedule=None if record.schedule is None else np.tile(record.schedule, 2),
     )
-    first, second = model.predict(twice).reshape(2, -1)
+    first, second = model.predict(repeated_record).reshape(2, -1)
     assert np.max(np.abs(first - second)) <= gap * np.ptp(first)
     assert np.sqrt(np.mean((first - record.output) ** 2)) < 0.05 * np.ptp(record.output)
 

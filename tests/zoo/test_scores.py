@@ -73,9 +73,9 @@ def test_the_true_model_has_no_error_and_a_threshold_that_is_wrong_has_its_own(t
     assert scores.nrms == 0.0
     assert scores.worst == 0.0
     assert output.shape == task.test[0].output.shape
-    wrong = PlayModel()
-    wrong.threshold = 0.25  # shifts both branches by 0.05 where the play moves
-    scores, _ = score(wrong, task)
+    wrong_model = PlayModel()
+    wrong_model.threshold = 0.25  # shifts both branches by 0.05 where the play moves
+    scores, _ = score(wrong_model, task)
     assert scores.worst == pytest.approx(100.0 * 0.05 / np.max(np.abs(task.test[0].output)), rel=1e-6)
     assert scores.mean is not None
     assert scores.worst is not None

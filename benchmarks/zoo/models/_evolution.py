@@ -50,7 +50,7 @@ class Drive:
 
 
 def evolve(residual: Residual, bounds: FloatArray, evaluations: int) -> FloatArray:
-    """Return the parameters with about the least sum of squared residuals within bounds."""
+    """Return the parameters within bounds that minimise the sum of squared residuals."""
     population = POPULATION_PER_PARAMETER * len(bounds)
     result = differential_evolution(
         lambda theta: float(np.sum(residual(theta) ** 2)),

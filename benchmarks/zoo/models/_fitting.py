@@ -86,7 +86,7 @@ class Search:
         self._restore()
 
     def refit(self, steps: int) -> None:
-        """Take steps of L-BFGS from the best parameters on all samples, also those withheld before."""
+        """Take steps of L-BFGS from the best parameters on all samples, including the withheld samples."""
         self._restore()
         for _ in self._descend(steps, WITHHELD_SHARE / (1.0 - WITHHELD_SHARE)):
             pass

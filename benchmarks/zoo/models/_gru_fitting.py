@@ -13,7 +13,7 @@ from .gru import ADAM_STEPS, LBFGS_STEPS, REFIT_STEPS, SEEDS, TRIAL_STEPS, WEIGH
 
 
 def train_gru(sequences: Sequences, hidden: int) -> Arrays:
-    """Return the arrays of the best of several searches."""
+    """Return the arrays with the smallest loss of several searches."""
     losses = _Losses(sequences)
     features = sequences.inputs.shape[2]
     searches = [

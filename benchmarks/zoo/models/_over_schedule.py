@@ -43,7 +43,7 @@ class _Scales:
 
     lowest: float  # smallest scheduling value
     offset: float | None  # added to the distance from the smallest value before its reciprocal
-    power: float  # of the absolute output
+    power: float  # exponent of the absolute output
     floor: float | None  # added before the reciprocal of the powers is interpolated
 
     def interpolate(self, values: FloatArray, outputs: FloatArray, schedule: FloatArray) -> FloatArray:

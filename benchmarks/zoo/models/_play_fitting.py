@@ -33,7 +33,7 @@ SMOOTHNESS_WEIGHT = 1e-8
 
 
 def train_play_network(records: Sequence[Record], scaling: Scaling) -> Arrays:
-    """Return the arrays of the best of several searches."""
+    """Return the arrays with the smallest loss of several searches."""
     losses = _Losses(records, scaling)
     share = effort(losses.samples)
     searches = [

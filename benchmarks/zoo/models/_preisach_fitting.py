@@ -30,7 +30,7 @@ DENSITY_WEIGHT = 1e-6
 
 
 def train_preisach(records: Sequence[Record], scaling: Scaling) -> Arrays:
-    """Return the arrays of the best of several searches."""
+    """Return the arrays with the smallest loss of several searches."""
     losses = _Losses(records, scaling)
     searches = [Search(parameters_of(initial_arrays(records, scaling, width)), losses) for width in WIDTHS]
     for search in searches:

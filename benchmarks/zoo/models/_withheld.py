@@ -1,4 +1,4 @@
-"""What the classical models share: scaling, thinning, and pieces of the training records to withhold."""
+"""Scaling, thinning, and withheld pieces of the training records, for the classical models."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..records import BoolArray, FloatArray, Record
 
 MIN_RECORDS = 4
-"""Number of records from which on complete records are withheld, and pieces of records below it."""
+"""Minimum number of records for which complete records are withheld instead of pieces."""
 
 MAX_REVERSAL = 0.95
 """Input relative to the largest one below which a loop must not reverse to be odd."""

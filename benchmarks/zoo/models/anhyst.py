@@ -29,7 +29,7 @@ DEFAULT = "anhyst"
 class AnhystModel:
     """A model that `anhyst.identify` finds, with one law or with the law that it selects.
 
-    Headers with units are read as those of a file, so that values are in SI.
+    Headers with units are read as in a file, so that values are in SI.
     """
 
     def __init__(self, law: str) -> None:
@@ -106,7 +106,7 @@ class Column:
         return values * self._factor + self._offset
 
     def from_si(self, values: FloatArray) -> FloatArray:
-        """Convert SI values to those of the task."""
+        """Convert SI values to the units of the task."""
         return (values - self._offset) / self._factor
 
 

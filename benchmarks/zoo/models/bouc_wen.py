@@ -124,7 +124,7 @@ class _StaticBoucWen:
 
 
 class BoucWen:
-    """A Bouc-Wen model, whose output is static or that of an oscillator."""
+    """A Bouc-Wen model with a static output or an oscillator."""
 
     def fit(self, records: Sequence[Record]) -> None:
         """Fit the static model and, if there are times, the oscillator; keep the better of them."""

@@ -37,7 +37,7 @@ LARGE_HIDDEN = 16
 """Size of the state for many samples."""
 
 MANY_SAMPLES = 3000
-"""Number of training samples from which on the large state is used."""
+"""Minimum number of training samples for the large state."""
 
 TRAVEL_STEP = 0.04
 """Step of the warped input, whose range is 2, for records without time."""

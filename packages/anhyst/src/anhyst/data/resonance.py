@@ -52,7 +52,7 @@ _MAX_ITERATIONS = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Dynamics:
+class DynamicResponse:
     """A damped oscillation or a dead time between input and output."""
 
     frequency: float  # undamped frequency, Hz; for a dead time, the inverse of the dead time
@@ -64,7 +64,7 @@ class Dynamics:
         return self.damping is not None and self.damping <= MAX_RESONANCE_DAMPING
 
 
-def find_dynamics(loopset: Loops) -> Dynamics | None:
+def find_dynamics(loopset: Loops) -> DynamicResponse | None:
     """Return the dynamics that dominate the output; ``None`` if a static law after a lag suffices."""
     misfits = [
         (static_fit_rms(loop.input, loop.output, with_plays=False) / _variation(loop.output), loop)
@@ -132,7 +132,7 @@ def _variation(output: FloatArray) -> float:
     return float(np.std(output)) or 1.0
 
 
-def _fit_dead_time(record: EvenRecord) -> tuple[float, Dynamics] | None:
+def _fit_dead_time(record: EvenRecord) -> tuple[float, DynamicResponse] | None:
     """Return the relative residual of a static law after a dead time, and the dead time."""
     spectra = [
         np.fft.rfft(np.diff(signal), 2 * record.drive.size) for signal in (record.drive, record.output)
@@ -143,7 +143,7 @@ def _fit_dead_time(record: EvenRecord) -> tuple[float, Dynamics] | None:
         return None
     delayed_drive = np.concatenate([np.full(delay, record.drive[0]), record.drive[:-delay]])
     share = static_fit_rms(delayed_drive, record.output) / _variation(record.output)
-    return share, Dynamics(1.0 / (delay * record.step), None)
+    return share, DynamicResponse(1.0 / (delay * record.step), None)
 
 
 def _is_sine(drive: FloatArray) -> bool:
@@ -166,7 +166,7 @@ def _propose_frequency(record: EvenRecord) -> float:
     return min(max(cycles, 0.005), _MAX_FREQUENCY_SHARE) / record.step
 
 
-def _fit_oscillation(record: EvenRecord) -> tuple[float, Dynamics] | None:
+def _fit_oscillation(record: EvenRecord) -> tuple[float, DynamicResponse] | None:
     """Return the relative residual of a second-order response, and the response, if it oscillates."""
     count, start_hz = record.drive.size, _propose_frequency(record)
     frequencies = np.fft.rfftfreq(count, record.step)
@@ -212,4 +212,4 @@ def _fit_oscillation(record: EvenRecord) -> tuple[float, Dynamics] | None:
         return None
     residual = y - weight * (numerator @ coefficients[2:])
     rms = float(np.sqrt(2.0 * np.sum(np.abs(residual) ** 2)))
-    return rms / _variation(record.output), Dynamics(frequency, damping)
+    return rms / _variation(record.output), DynamicResponse(frequency, damping)
