@@ -46,6 +46,8 @@ def main(arguments: Sequence[str]) -> int:
     files = [Path(name) for name in options.model if name.endswith(".py")]
     model_names = [name for name in options.model if not name.endswith(".py")]
     models = [name for file in files for name in load_file(file)]
+    if clash := set(models) & set(find_models()):
+        raise SystemExit(f"the name '{min(clash)}' belongs to a model of the benchmark; choose another name")
     models += _select(model_names, list(find_models()), "model") if model_names else []
     return run_models(models, tasks, files, options)
 
@@ -73,9 +75,13 @@ def run_models(
         print("\n".join(differences) or "The figures of anhyst equal the recorded figures in all digits.")
         if rank_order(measured, record):
             print("The models of each task are ordered as in the record.")
-    page = write_page(all_results, options.out)
-    print(f"page: {page}")
-    return 0
+    print("writing the page", file=sys.stderr, flush=True)
+    emphasised = {DEFAULT, *(models if files else ())}
+    print(f"page: {write_page(all_results, options.out, list(measured.scores), emphasised)}")
+    has_failed = any(
+        row.refusal.startswith("failed") for rows in measured.scores.values() for row in rows.values()
+    )
+    return 1 if has_failed else 0
 
 
 def rank_order(measured: Results, record: Results) -> bool:

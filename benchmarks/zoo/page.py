@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from anhyst.support import running_version
@@ -13,6 +13,7 @@ from anhyst.support.page import (
     Block,
     Cell,
     Headline,
+    Items,
     Note,
     Picture,
     Section,
@@ -27,7 +28,7 @@ from .pictures import draw_ranks, draw_task
 from .ranking import INTERVAL, NEAR_FIRST_RATIO, Standing, find_error, is_competitor, rank, ratio_to_first
 from .results import Results
 from .scores import Scores
-from .table import SUMMARY_HEAD, TASK_HEAD, summary_rows, task_rows
+from .table import SUMMARY_HEAD, TASK_HEAD, list_refusals, summary_rows, task_rows
 from .task import MissingData, Task, read_task
 
 FILE_NAME = "index.html"
@@ -35,13 +36,16 @@ REASONS_FILE = Path(__file__).with_name("record") / "reasons.toml"
 """For each task on which anhyst is not near the first: why."""
 
 
-def write_page(results: Results, folder: Path) -> Path:
-    """Write the page of some results into a folder; return its path."""
+def write_page(results: Results, folder: Path, tasks: Collection[str], own_models: Collection[str]) -> Path:
+    """Write the page of some results into a folder; return its path.
+
+    The page has a section for each of the given tasks, and emphasises the given models.
+    """
     standings = rank(results)
-    sections = [_summary_section(results, standings)]
-    for name, scores in results.scores.items():
+    sections = [_summary_section(results, standings, own_models)]
+    for name in tasks:
         try:
-            sections.append(_task_section(read_task(name), scores, folder))
+            sections.append(_task_section(read_task(name), results.scores[name], folder, own_models))
         except MissingData:
             continue
     text = render_page(
@@ -84,8 +88,8 @@ def _make_headline(results: Results, standings: Sequence[Standing]) -> Headline:
     )
 
 
-def _summary_section(results: Results, standings: Sequence[Standing]) -> Section:
-    rows = [[Cell(text, strong=row[0] == DEFAULT) for text in row] for row in summary_rows(standings)]
+def _summary_section(results: Results, standings: Sequence[Standing], own_models: Collection[str]) -> Section:
+    rows = [[Cell(text, strong=row[0] in own_models) for text in row] for row in summary_rows(standings)]
     table = make_table(
         "Ranks over all tasks",
         SUMMARY_HEAD,
@@ -98,13 +102,15 @@ def _summary_section(results: Results, standings: Sequence[Standing]) -> Section
     picture = Picture(
         svg_text(draw_ranks(results, standings), "ranks"),
         "Error of each model on each task, relative to the smallest",
-        "Normalised rms error of each model on each task. Both axes are sorted; darker is better.",
+        "Normalised rms error of each model on each task. Bright fields are the best.",
     )
     return Section("all", "All tasks", (table, picture))
 
 
-def _task_section(task: Task, scores: Mapping[str, Scores], folder: Path) -> Section:
-    source = f"{task.kind.capitalize()}: {task.source} Licence: {task.licence}"
+def _task_section(
+    task: Task, scores: Mapping[str, Scores], folder: Path, own_models: Collection[str]
+) -> Section:
+    source = f"{task.kind.capitalize()}: {task.source.rstrip('.')}. Licence: {task.licence}."
     blocks: list[Block] = [Text(f"{task.difficulty} {task.split}"), Text(source)]
     if scores.get(DEFAULT) is not None and (reason := _reason(task.name, scores)):
         blocks.append(Note("info", f"{DEFAULT} is not first", reason))
@@ -125,10 +131,12 @@ def _task_section(task: Task, scores: Mapping[str, Scores], folder: Path) -> Sec
     table = make_table(
         "Scores on the test records",
         TASK_HEAD,
-        [[Cell(text, strong=row[0] == DEFAULT) for text in row] for row in task_rows(scores)],
+        [[Cell(text, strong=row[0] in own_models) for text in row] for row in task_rows(scores)],
         "nrms: rms error divided by the standard deviation of the test outputs. Mean, worst, rest and minor loops "
         "are in % of the largest output. Inverse: error of output, input, output. Models in brackets are not ranked.",
     )
+    if declined := tuple(f"{model}: {text}" for model, text in list_refusals(scores)):
+        return Section(task.name, task.title, (*blocks, table, Items("Declined", declined)))
     return Section(task.name, task.title, (*blocks, table))
 
 

@@ -27,7 +27,15 @@ COLOURS = (MODEL_COLOUR, FALLING_COLOUR)
 def draw_ranks(results: Results, standings: Sequence[Standing]) -> Figure:
     """Draw the error of each model on each task, relative to the smallest of the task."""
     models, tasks = [standing.model for standing in standings], list(results.scores)
-    ratios = np.array([[ratio_to_first(results.scores[task], model) for task in tasks] for model in models])
+    ratios = np.array(
+        [
+            [
+                ratio_to_first(scores, model) if model in scores else np.nan
+                for scores in results.scores.values()
+            ]
+            for model in models
+        ]
+    )
     figure = new_figure(1.6 + 0.3 * len(models))
     ax = figure.add_subplot()
     clipped_ratios = np.where(np.isfinite(ratios), np.clip(ratios, 1.0, MAX_RATIO), np.nan)
@@ -37,7 +45,15 @@ def draw_ranks(results: Results, standings: Sequence[Standing]) -> Figure:
     ax.grid(visible=False)
     for row, column in np.ndindex(ratios.shape):
         ratio = ratios[row, column]
-        text = "declined" if np.isinf(ratio) else f"{ratio:.2g}" if ratio < MAX_RATIO else ">100"
+        text = (
+            ""
+            if np.isnan(ratio)
+            else "declined"
+            if np.isinf(ratio)
+            else f"{ratio:.2g}"
+            if ratio < MAX_RATIO
+            else ">100"
+        )
         is_dark = np.isfinite(ratio) and ratio > MAX_RATIO**0.5
         ax.text(
             column, row, text, ha="center", va="center", fontsize=7.0, color="white" if is_dark else "black"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
@@ -66,23 +67,29 @@ def rank(results: Results) -> list[Standing]:
     """Return all competitors, sorted by their mean rank."""
     competitors = [model for model in results.models() if is_competitor(model)]
     tasks = list(results.scores.values())
-    ranks = np.array([[rank_task(task, competitors)[model] for model in competitors] for task in tasks])
+    ranks = np.full((len(tasks), len(competitors)), np.nan)  # NaN: the model was not run on the task
+    for row, task in enumerate(tasks):
+        task_ranks = rank_task(task, [model for model in competitors if model in task])
+        for model, place in task_ranks.items():
+            ranks[row, competitors.index(model)] = place
     rng = np.random.default_rng(SEED)
     samples = rng.integers(0, len(tasks), (RESAMPLES, len(tasks)))
-    intervals = np.percentile(ranks[samples].mean(axis=1), INTERVAL, axis=0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a sample may contain no task of a model
+        intervals = np.nanpercentile(np.nanmean(ranks[samples], axis=1), INTERVAL, axis=0)
     standings = []
     for column, model in enumerate(competitors):
-        ratios = np.array([ratio_to_first(task, model) for task in tasks])
+        ratios = np.array([ratio_to_first(task, model) for task in tasks if model in task])
         standings.append(
             Standing(
                 model,
-                float(ranks[:, column].mean()),
+                float(np.nanmean(ranks[:, column])),
                 (float(intervals[0, column]), float(intervals[1, column])),
                 int(np.sum(ranks[:, column] == 1.0)),
                 int(np.sum(ratios <= NEAR_FIRST_RATIO)),
                 int(np.sum(ranks[:, column] <= 3.0)),
                 int(np.sum(np.isinf(ratios))),
-                len(tasks),
+                ratios.size,
                 float(np.median(ratios)),
             )
         )

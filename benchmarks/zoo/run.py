@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+import traceback
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -41,6 +42,7 @@ def run_job(job: Job) -> tuple[Scores, list[FloatArray]]:
         except TimeoutError as limit:
             return Scores(refusal=str(limit)), []
         except Exception as error:  # the fault of a model must not stop the others
+            traceback.print_exc()
             return Scores(refusal=f"failed: {type(error).__name__}: {error}"), []
 
 
@@ -68,7 +70,7 @@ def run(
             if outputs:
                 (folder / "outputs" / job.task).mkdir(parents=True, exist_ok=True)
                 np.savez(folder / "outputs" / job.task / f"{job.model}.npz", *outputs)
-            answer = scores.refusal[:60] if scores.nrms is None else f"{100.0 * scores.nrms:.3g} %"
+            answer = scores.refusal[:200] if scores.nrms is None else f"{100.0 * scores.nrms:.3g} %"
             print(
                 f"{count:4d} of {len(jobs)}  {time.monotonic() - began:4.0f} s  {job.task}, {job.model}: {answer}",
                 file=sys.stderr,

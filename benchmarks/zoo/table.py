@@ -18,8 +18,10 @@ TASK_HEAD = (
     "passive",
     "numbers",
     "fit s",
-    "step us",
+    "step µs",
 )
+ROUNDING_NOISE = 1e-6
+"""Values below it are shown as zero."""
 SUMMARY_HEAD = ("model", "mean rank", "90 %", "first", "within 1.1", "top 3", "declined", "median ratio")
 
 
@@ -35,7 +37,7 @@ def _model_text(model: str) -> str:
 
 def _score_cells(scores: Scores) -> list[str]:
     if scores.nrms is None:
-        return [f"declined: {scores.refusal}", *[""] * (len(TASK_HEAD) - 2)]
+        return ["declined", *[""] * (len(TASK_HEAD) - 2)]
     passive = "" if scores.is_passive is None else "yes" if scores.is_passive else "NO"
     return [
         _number(100.0 * scores.nrms),
@@ -51,8 +53,16 @@ def _score_cells(scores: Scores) -> list[str]:
     ]
 
 
+def list_refusals(scores: Mapping[str, Scores]) -> list[tuple[str, str]]:
+    """Return the models that declined a task, and their reasons."""
+    return [(model, row.refusal) for model, row in scores.items() if row.refusal]
+
+
 def _number(value: float | None, digits: int = 3) -> str:
-    return "" if value is None else f"{value:.{digits}g}"
+    """Return a number as text; rounding noise is zero."""
+    if value is None:
+        return ""
+    return "0" if abs(value) < ROUNDING_NOISE else f"{value:.{digits}g}"
 
 
 def summary_rows(standings: Sequence[Standing]) -> list[list[str]]:
@@ -74,7 +84,8 @@ def summary_rows(standings: Sequence[Standing]) -> list[list[str]]:
 
 def task_text(task: str, scores: Mapping[str, Scores]) -> str:
     """Return the table of a task in Markdown."""
-    return f"## {task}\n\n{_markdown(TASK_HEAD, task_rows(scores))}"
+    reasons = "".join(f"\n{model} declined: {text}" for model, text in list_refusals(scores))
+    return f"## {task}\n\n{_markdown(TASK_HEAD, task_rows(scores))}{reasons}\n"
 
 
 def summary_text(standings: Sequence[Standing]) -> str:

@@ -63,10 +63,14 @@ def test_the_model_on_the_page_is_short_and_runs_beside_the_record(tmp_path: Pat
         (["run", "--task", "steel-team23"], "no task 'steel-team23'; there are: "),
         (["run", "--model", "anhyts"], "no model 'anhyts'; there are: "),
         (["run", "--model", "nowhere.py"], "nowhere.py: there is no such file"),
+        (["run", "--model", "CLASH"], "the name 'GRU' belongs to a model of the benchmark"),
         (["train", "--model", "gur"], "no network 'gur'; there are: "),
     ],
 )
-def test_a_wrong_name_gives_one_line(arguments: list[str], message: str) -> None:
+def test_a_wrong_name_gives_one_line(arguments: list[str], message: str, tmp_path: Path) -> None:
+    clash = tmp_path / "clash.py"
+    clash.write_text('MODELS = {"GRU": object}\n', "utf-8")
+    arguments = [str(clash) if argument == "CLASH" else argument for argument in arguments]
     process = run_zoo(*arguments)
     assert process.returncode != 0
     assert message in process.stderr
@@ -85,7 +89,8 @@ def test_a_failing_model_is_reported_and_the_others_continue(tmp_path: Path) -> 
     process = run_zoo(
         "run", "--model", tmp_path / "broken.py", "--task", "steel-team32", "--out", tmp_path / "out"
     )
-    assert process.returncode == 0, process.stderr
+    assert process.returncode == 1
+    assert "no idea" in process.stderr
     scores = json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))["scores"]["steel-team32"]
     assert scores["broken"]["refusal"] == "failed: ValueError: no idea"
     assert scores["identity"]["nrms"] is not None
