@@ -80,7 +80,8 @@ def _make_headline(results: Results, standings: Sequence[Standing]) -> Headline:
         title="How hysteresis models compare",
         description="Each model is fitted to the training records of a task and predicts its test records, "
         "whose output it does not see.",
-        basis="Tasks, splits and settings of all models were fixed before the first comparison.",
+        basis="Tasks and splits were fixed before the first comparison; a review then corrected some settings, "
+        "with training records only.",
         notes=notes,
         tiles=tiles,
         comparison=None,
