@@ -8,12 +8,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # processor times are for one core
 
 from .model import find_models, load_file
 from .models.anhyst import DEFAULT
 from .page import write_page
-from .ranking import is_competitor, rank
+from .ranking import find_error, is_competitor, rank
 from .results import RECORD_FILE, Results
 from .run import run
 from .table import summary_text, task_text
@@ -90,7 +90,7 @@ def rank_order(measured: Results, record: Results) -> bool:
     def order(results: Results, task: str) -> list[str]:
         scores = results.scores.get(task, {})
         names = [name for name in measured.scores[task] if is_competitor(name) and name in scores]
-        return sorted(names, key=lambda name: (scores[name].nrms is None, scores[name].nrms or 0.0, name))
+        return sorted(names, key=lambda name: (find_error(scores, name), name))
 
     return all(order(measured, task) == order(record, task) for task in measured.scores)
 

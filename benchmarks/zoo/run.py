@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 import traceback
@@ -10,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -20,6 +20,9 @@ from .records import FloatArray
 from .results import Results
 from .scores import Scores, score
 from .task import MissingData, read_task
+
+read_task_once = cache(read_task)
+"""Reads a task once for each process, which runs many models on it."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ def run_job(job: Job) -> tuple[Scores, list[FloatArray]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return score(find_models(job.files)[job.model](), read_task(job.task))
+            return score(find_models(job.files)[job.model](), read_task_once(job.task))
         except MissingData:
             raise
         except TimeoutError as limit:
@@ -54,13 +57,12 @@ def run(
     jobs = []
     for task in tasks:
         try:
-            read_task(task)
+            read_task_once(task)
         except MissingData as missing:
             results.skipped[task] = str(missing)
             continue
         results.scores[task] = {}
         jobs += [Job(task, model, tuple(files)) for model in models]
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # processor times are for one core
     began = time.monotonic()
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         futures = {pool.submit(run_job, job): job for job in jobs}

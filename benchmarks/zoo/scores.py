@@ -124,9 +124,9 @@ def _predict(model: Model, records: Sequence[Record]) -> tuple[list[FloatArray],
         if output.shape != record.output.shape:
             shapes = f"has shape {output.shape}, expected {record.output.shape}"
             raise ValueError(f"the prediction of '{record.name}' {shapes}")
-        if count := int(np.sum(~np.isfinite(output))):
+        if bad_count := int(np.sum(~np.isfinite(output))):
             raise ValueError(
-                f"the prediction of '{record.name}' has {count} values that are not finite; "
+                f"the prediction of '{record.name}' has {bad_count} values that are not finite; "
                 "the output of a record is hidden (NaN) when it is predicted"
             )
     return outputs, 1e6 * seconds / sum(record.path.input.size for record in records)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -19,6 +20,7 @@ import numpy as np
 from ..model import Refusal
 from ..records import FloatArray, Record
 from ._over_schedule import OverSchedule
+from ._signals import Scaling
 
 FOLDER = Path(__file__).resolve().parents[1] / "record"
 
@@ -28,10 +30,10 @@ HASHED_DIGITS = 6
 Arrays = dict[str, FloatArray]
 
 
-class LearnedModel:
+class LearnedModel(ABC):
     """A model whose arrays are trained once and then recorded.
 
-    A subclass sets `name`, and defines `_prepare`, `_train` and ``predict``.
+    A subclass sets `name` and `settings`, and defines `_train` and ``predict``.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ class LearnedModel:
         file = self._file(records)
         if self._is_retrained or not file.exists():
             self.train(records)
-        self._prepare(records)
+        self._scaling = Scaling.of(records)
         with np.load(file) as stored:
             self._arrays = {key: np.asarray(stored[key], float) for key in stored.files}
         self.recorded_fit_s = float(self._arrays.pop("fit_s"))
@@ -82,7 +84,7 @@ class LearnedModel:
                 f'install torch, then python -m benchmarks.zoo train --model "{self.name}"'
             )
         start = time.process_time()
-        self._prepare(records)
+        self._scaling = Scaling.of(records)
         arrays = self._train(records)
         file = self._file(records)
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -94,17 +96,13 @@ class LearnedModel:
         """Return how many numbers were trained."""
         return sum(array.size for array in self._arrays.values())
 
+    @abstractmethod
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
-        raise NotImplementedError
 
-    def _prepare(self, records: Sequence[Record]) -> None:
-        """Compute the scales of the records, which are the same in training and in prediction."""
-        raise NotImplementedError
-
+    @abstractmethod
     def _train(self, records: Sequence[Record]) -> Arrays:
         """Return the trained arrays."""
-        raise NotImplementedError
 
     def _file(self, records: Sequence[Record]) -> Path:
         folder = FOLDER / self.name.lower().replace(" ", "_")

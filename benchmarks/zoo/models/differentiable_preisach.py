@@ -39,9 +39,6 @@ class DifferentiablePreisach(LearnedModel):
     name: ClassVar[str] = "differentiable Preisach"
     settings: ClassVar[str] = "3"
 
-    def _prepare(self, records: Sequence[Record]) -> None:
-        self._scaling = Scaling.of(records)
-
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
         path = record.path

@@ -86,9 +86,6 @@ class Gru(LearnedModel):
     name: ClassVar[str] = "GRU"
     settings: ClassVar[str] = "3"
 
-    def _prepare(self, records: Sequence[Record]) -> None:
-        self._scaling = Scaling.of(records)
-
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
         inputs, before, fraction = step_inputs(record, self._scaling)

@@ -47,9 +47,6 @@ class PlayNetwork(LearnedModel):
     name: ClassVar[str] = "play network"
     settings: ClassVar[str] = "3"
 
-    def _prepare(self, records: Sequence[Record]) -> None:
-        self._scaling = Scaling.of(records)
-
     def predict(self, record: Record) -> FloatArray:
         """Return the output at each sample."""
         u, steps = scaled_path(record, self._scaling)

@@ -138,29 +138,33 @@ def make_preisach_system() -> System:
 
 def make_tellinen_system() -> System:
     """Return the unipolar magnet with an iron of Tellinen."""
-    magnet, rng = make_tellinen_magnet(), np.random.default_rng(561)
-    reversals = rng.uniform(0.0, 1.0, (3, 14)).tolist()
-    drives = {
-        "other-gap": _drive_at(magnet, 0.42e-3, [0.0, 1.0, 0.0, *reversals[0], 0.0]),
-        "random-reversals": _drive_at(magnet, 0.15e-3, [0.0, 1.0, 0.0, *reversals[1], 0.0]),
-        "inner-cycles": _drive_at(
-            magnet, 0.3e-3, [0.0, 1.0, *[0.45, 0.65] * 4, 0.0, *[0.5, 0.3] * 4, 0.85, 0.75, 0.0]
-        ),
-        "moving-gap": _drive_moving(magnet, [0.0, 1.0, 0.0, *reversals[2], 0.0], (3, 7)),
-    }
+    magnet = make_tellinen_magnet()
+    inner_corners = [*[0.45, 0.65] * 4, 0.0, *[0.5, 0.3] * 4, 0.85, 0.75]
+    drives = _make_unipolar_tests(magnet, 561, (0.42e-3, 0.15e-3, 0.3e-3), inner_corners, (3, 7))
     return _make_system(magnet, drives, (0.15e-3, 0.3e-3, 0.6e-3), UNIPOLAR_TRAINING, 562)
 
 
 def make_two_iron_system() -> System:
     """Return the magnet with two irons in series."""
-    magnet, rng = make_two_iron_magnet(), np.random.default_rng(571)
-    reversals = rng.uniform(0.0, 1.0, (3, 14)).tolist()
-    drives = {
-        "other-gap": _drive_at(magnet, 0.57e-3, [0.0, 1.0, 0.0, *reversals[0], 0.0]),
-        "random-reversals": _drive_at(magnet, 0.2e-3, [0.0, 1.0, 0.0, *reversals[1], 0.0]),
-        "inner-cycles": _drive_at(
-            magnet, 0.4e-3, [0.0, 1.0, *[0.4, 0.6] * 4, 0.0, *[0.35, 0.2] * 4, 0.9, 0.7, 0.0]
-        ),
-        "moving-gap": _drive_moving(magnet, [0.0, 1.0, 0.0, *reversals[2], 0.0], (2, 5)),
-    }
+    magnet = make_two_iron_magnet()
+    inner_corners = [*[0.4, 0.6] * 4, 0.0, *[0.35, 0.2] * 4, 0.9, 0.7]
+    drives = _make_unipolar_tests(magnet, 571, (0.57e-3, 0.2e-3, 0.4e-3), inner_corners, (2, 5))
     return _make_system(magnet, drives, (0.2e-3, 0.4e-3, 0.8e-3, 1.6e-3), UNIPOLAR_TRAINING, 572)
+
+
+def _make_unipolar_tests(
+    magnet: Magnet,
+    seed: int,
+    gaps: tuple[float, float, float],
+    inner_corners: list[float],
+    turns: tuple[int, int],
+) -> dict[str, Drive]:
+    """Return the test drives: another gap, random reversals, inner cycles and a moving gap."""
+    reversals = np.random.default_rng(seed).uniform(0.0, 1.0, (3, 14)).tolist()
+    other_gap, random_gap, inner_gap = gaps
+    return {
+        "other-gap": _drive_at(magnet, other_gap, [0.0, 1.0, 0.0, *reversals[0], 0.0]),
+        "random-reversals": _drive_at(magnet, random_gap, [0.0, 1.0, 0.0, *reversals[1], 0.0]),
+        "inner-cycles": _drive_at(magnet, inner_gap, [0.0, 1.0, *inner_corners, 0.0]),
+        "moving-gap": _drive_moving(magnet, [0.0, 1.0, 0.0, *reversals[2], 0.0], turns),
+    }

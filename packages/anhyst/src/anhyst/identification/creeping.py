@@ -124,10 +124,10 @@ def deviates_widely(creeping: Outcome, loopset: Loops) -> bool:
 
 def select_closer_law(creeping: Outcome, searched: Outcome, loopset: Loops) -> Outcome:
     """Return play cells, or the law of a search if it is much closer to the loops."""
-    ratio = _relative_rms(searched, loopset) / _relative_rms(creeping, loopset)
+    rms = _relative_rms(searched, loopset)
+    ratio = rms / _relative_rms(creeping, loopset)
     if ratio > MAX_OTHER_LAW_RMS_RATIO:
         return creeping
-    rms = _relative_rms(searched, loopset)
     law = searched.model.law
     candidate = CandidateFit(law, "none", searched.parameter_count, rms, note="chosen")
     others = tuple(replace(other, note="") for other in creeping.candidates)
