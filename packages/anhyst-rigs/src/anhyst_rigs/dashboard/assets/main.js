@@ -95,6 +95,7 @@ function open(bench) {
     body: bench.body ? new BodyView(at("body"), bench, store) : null,
     panel: new Panel(at("panel"), bench, order, parameters),
   };
+  page.layouts = new Map([[bench.signals.length, bench.signals.map((one) => one.name)]]);
   const context = { bench, store, scope, parameters, order, notify };
   page.fixed = new Map(kinds().filter((kind) => kind.fixed).map((kind) => [kind.kind, fixedPanel(kind, context)]));
   tabs();
@@ -119,11 +120,23 @@ function fixedPanel(kind, context) {
 // Adopts the signals of the bench after a derived signal was defined or deleted.
 function adopt(signals) {
   const { bench, store, scope, list } = page;
+  const old = bench.signals;
   bench.signals = signals;
   label(bench);
-  store.setColumns(signals.length);
+  page.layouts.set(signals.length, signals.map((one) => one.name));
+  bench.choices.set("derived", signals.filter((one) => one.expression).map(({ name, expression, unit }) => ({ name, expression, unit })));
+  store.arrange(signals.map((one) => old.findIndex(({ name }) => name === one.name)));
   scope.rebuild();
   list.build();
+}
+
+// Defines the derived signals of this rig again that the browser has stored, once per connection.
+async function restoreDerived() {
+  if (page.restored) return;
+  page.restored = true;
+  const { bench } = page;
+  for (const derived of bench.choices.get("derived", []))
+    if (columnOf(bench, derived.name) < 0) await order("derive", derived);
 }
 
 const shownDesk = () => (view.startsWith("desk ") ? page?.desks?.desks[Number(view.slice(5))] : null);
@@ -131,6 +144,12 @@ const shownView = () => shownDesk() ?? page?.fixed.get(view) ?? page?.[view];
 
 function feed(frame) {
   if (!page) return;
+  const { signals } = page.bench;
+  if (frame.data.length !== signals.length) {
+    // The frame was sent before a derived signal was defined or deleted, so it has the columns of that time.
+    const columns = page.layouts.get(frame.data.length) ?? [];
+    frame.data = signals.map(({ name, expression }, n) => frame.data[columns.indexOf(name)] ?? (expression ? undefined : frame.data[n]));
+  }
   page.store.push(frame);
   page.scope.feed(frame);
   page.steps.feed(frame);
@@ -163,6 +182,7 @@ function status(now) {
   for (const panel of page.fixed.values()) panel.status?.(now);
   shownDesk()?.status(now);
   role(now);
+  if (!now.refused.derive) restoreDerived();
   for (const { tick, who, text } of now.log) notices.write(text, who, tick, bench.rate);
   if (now.ended) notices.show(now.ended, true);
   else if (now.lost) notices.show(`${now.lost}; looking for it`, true);

@@ -20,10 +20,9 @@ export class Store {
     this.#data = Array.from({ length: columns }, () => new Float32Array(capacity));
   }
 
-  // Changes the number of columns. The values of a new column are missing in the rows that are stored already.
-  setColumns(columns) {
-    this.#data.length = Math.min(this.#data.length, columns);
-    while (this.#data.length < columns) this.#data.push(new Float32Array(this.#capacity).fill(NaN));
+  // Arranges the columns: each takes the values of a previous column, or has no values in the stored rows (-1).
+  arrange(previous) {
+    this.#data = previous.map((n) => this.#data[n] ?? new Float32Array(this.#capacity).fill(NaN));
   }
 
   get count() {
@@ -40,7 +39,7 @@ export class Store {
     const rows = frame.ticks.length;
     for (let i = 0; i < rows; i++) {
       const at = this.#place(frame.ticks[i]);
-      for (let n = 0; n < this.#data.length; n++) this.#data[n][at] = frame.data[n]?.[i] ?? NaN;
+      for (let n = 0; n < this.#data.length; n++) this.#data[n][at] = frame.data[n] ? frame.data[n][i] : NaN;
     }
     this.newest = frame.last;
   }
