@@ -110,12 +110,12 @@ function firstDesk(bench) {
   return {
     name: "Desk",
     panels: [
-      { kind: "plot", x: 0, y: 0, w: 8, h: 7, settings: { signals: [signal, reference] } },
-      { kind: "loop", x: 8, y: 0, w: 4, h: 7, settings: {} },
-      { kind: "slider", x: 0, y: 7, w: 4, h: 2, settings: { of: "target" } },
-      { kind: "number", x: 0, y: 9, w: 4, h: 3, settings: { signal } },
-      { kind: "gauge", x: 4, y: 7, w: 3, h: 2, settings: {} },
-      { kind: "table", x: 7, y: 7, w: 5, h: 5, settings: {} },
+      { kind: "plot", x: 0, y: 0, w: 8, h: 8, settings: { signals: [signal, reference] } },
+      { kind: "loop", x: 8, y: 0, w: 4, h: 8, settings: {} },
+      { kind: "slider", x: 0, y: 8, w: 4, h: 2, settings: { of: "target" } },
+      { kind: "gauge", x: 0, y: 10, w: 4, h: 2, settings: {} },
+      { kind: "number", x: 4, y: 8, w: 3, h: 4, settings: { signal } },
+      { kind: "table", x: 7, y: 8, w: 5, h: 4, settings: {} },
     ],
   };
 }

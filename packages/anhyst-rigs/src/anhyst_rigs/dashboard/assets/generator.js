@@ -50,8 +50,7 @@ export class GeneratorPanel {
     this.now = make("output", { className: "reading" });
     const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
     place.append(
-      line(this.shape),
-      ...Object.values(this.lines),
+      make("div", { className: "line" }, this.shape, ...Object.values(this.lines)),
       line(
         button("generate", "Start", () => this.start()),
         button("generate-off", "Off", () => order("generator", { shape: null })),

@@ -178,7 +178,7 @@ register({
     const usual = [bench.aim.signal, bench.aim.reference, "force", "current"].filter((name) => columnOf(bench, name) >= 0);
     let names = settings.signals ?? usual;
     const body = make("tbody");
-    const heads = ["Signal", "Now", "Mean", "Rms about mean", "Smallest", "Largest"];
+    const heads = ["Signal", "Now", "Mean", "Rms about mean", "Peak to peak"];
     const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text, scope: "col" })));
     const keep = (wanted) => {
       names = wanted;
@@ -191,7 +191,7 @@ register({
         const { now, mean, rms, low, high } = statistics(context, signal.column);
         const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });
         remove.setAttribute("aria-label", `remove ${signal.label}`);
-        const cells = [now, mean, rms, low, high].map((value) => make("td", { textContent: show(value, signal.unit) }));
+        const cells = [now, mean, rms, high - low].map((value) => make("td", { textContent: show(value, signal.unit, 4) }));
         return make("tr", {}, make("th", { textContent: signal.label, title: hint(signal), scope: "row" }), ...cells, make("td", {}, remove));
       });
       body.replaceChildren(...rows);

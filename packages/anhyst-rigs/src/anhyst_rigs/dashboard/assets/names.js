@@ -84,6 +84,6 @@ const QUANTITIES = {
 
 // Returns the text at an axis: the signals if they are few, otherwise their quantity.
 export function axisName(signals, unit) {
-  if (signals.length <= 2) return signals.map((one) => one.label).join(", ");
+  if (signals.length === 1 || signals.length === 2) return signals.map((one) => one.label).join(", ");
   return QUANTITIES[unit] ?? "Value";
 }

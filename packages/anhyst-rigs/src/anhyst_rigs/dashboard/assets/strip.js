@@ -13,6 +13,7 @@ const LEGEND_PX = 22; // height of the legend above a plot, pixels
 const TIME_LABELS_PX = 36; // height of the time labels below the last strip, pixels
 const THICKNESS = 1.5;
 const OVERLAY_ALPHA = 0.45; // opacity of a recording that is drawn behind the running signals
+const LETTER_PX = 7; // width of a letter at an axis, pixels
 const SPAN_MS = 500; // time between two estimates of the smallest range
 const MAX_MS_WINDOW_S = 0.5; // longest window whose times are shown in ms
 
@@ -34,7 +35,6 @@ export class Strip {
     const times = isLast
       ? { label: () => this.#timeName(), labelSize: 18, size: 32, values: (_, at) => at.map((time) => this.#time(time)) }
       : { values: (_, at) => at.map(() => null), ticks: { show: false }, size: 8 };
-    const name = [axisName(signals, unit), shown(unit).name].filter(Boolean).join(" / ");
     this.legend = make("div", { className: "legend" }, ...signals.map((one) => this.#key(plot, one)));
     this.element = make("div", { className: "strip" }, this.legend);
     plot.stripsPlace.append(this.element);
@@ -47,7 +47,7 @@ export class Strip {
         scales: { x: { time: false } },
         axes: [
           { ...axis, ...times },
-          { ...axis, label: name, size: 66, labelSize: 20, values: marked },
+          { ...axis, label: (of) => this.#axisName(of), size: 66, labelSize: 20, values: marked },
         ],
         series: [{}, { show: false }],
         hooks: {
@@ -118,6 +118,14 @@ export class Strip {
     });
   }
 
+  // Returns the text at the axis of values: the longest one that fits into its height.
+  #axisName({ bbox }) {
+    const { name } = shown(this.unit);
+    const space = bbox.height / devicePixelRatio / LETTER_PX;
+    const texts = [axisName(this.signals, this.unit), axisName([], this.unit)].map((text) => (name ? `${text} / ${name}` : text));
+    return texts.find((text) => text.length <= space) ?? name;
+  }
+
   #timeName() {
     return `Time from ${this.scope.zeroName} / ${this.#isShort() ? "ms" : "s"}`;
   }
@@ -172,7 +180,9 @@ export function stroke({ colour, dash }) {
 
 // Returns axis labels with the necessary digits; uPlot itself shows at most three.
 function marked(_plot, values, _axis, _space, step) {
-  const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9) + (step < 1 ? 1 : 0));
+  const power = Math.ceil(-Math.log10(step) - 1e-9);
+  const isRound = Math.abs(step * 10 ** power - Math.round(step * 10 ** power)) < 1e-6;
+  const digits = Math.max(0, power + (isRound ? 0 : 1));
   return values.map((value) => String(Number(value.toFixed(Math.min(digits, 12)))));
 }
 
