@@ -5,12 +5,14 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from anhyst_rigs.dashboard.browsers import RowQueue
 from anhyst_rigs.dashboard.recording import RecordingSpan
 from tests.live.conftest import Served, shown, wait_for
 from tests.live.test_page import lift, press, ready, seen, state_is, until
@@ -25,9 +27,12 @@ pytestmark = pytest.mark.needs("chromium")
 @pytest.fixture(scope="module")
 def opened(browser: Browser, bearing: Served) -> Iterator[Page]:
     """One page of one bearing, for all tests of this module."""
-    with shown(browser, bearing) as page:
-        ready(page)
-        yield page
+    with pytest.MonkeyPatch.context() as patch:
+        # All samples are sent even to a slow page, which otherwise receives fewer (test_frames.py).
+        patch.setattr("anhyst_rigs.dashboard.server.RowQueue", partial(RowQueue, 10**8))
+        with shown(browser, bearing) as page:
+            ready(page)
+            yield page
 
 
 @pytest.fixture
@@ -278,9 +283,7 @@ def test_a_parameter_beyond_its_range_cannot_be_staged(page: Page) -> None:
     page.locator("[data-view=parameters]").click()
     page.get_by_label("Proportional gain", exact=True).fill("999999999")
     assert page.locator("#apply").is_disabled()
-    assert (
-        "1.706 to 6.821 MN/m" in page.locator("#parameters .invalid").locator("visible=true").inner_text()
-    )
+    assert "1.706 to 6.821 MN/m" in page.locator("#parameters .invalid").locator("visible=true").inner_text()
     page.get_by_label("Proportional gain", exact=True).fill("4000 kN/m")
     assert page.locator("#apply").is_enabled()
     page.get_by_role("button", name="Discard").click()
