@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -31,7 +30,14 @@ from anhyst_rigs.study.response.multisine import (
     choose_lines,
     find_phases,
 )
-from anhyst_rigs.study.response.result import MAX_UNCERTAINTY, FrequencyResponse, Response
+from anhyst_rigs.study.response.result import (
+    EXACT_UNCERTAINTY_DB,
+    MIN_COHERENCE,
+    UNCERTAINTY_SIGMAS,
+    FrequencyResponse,
+    Response,
+    ResponseName,
+)
 
 POINTS = 200
 """Number of frequencies."""
@@ -265,7 +271,7 @@ def _limit_excitation(
 
 def _evaluate(
     excitation: Multisine, reading: FloatArray, position: FloatArray, plant_input: FloatArray
-) -> dict[str, Response]:
+) -> dict[ResponseName, Response]:
     """Return the responses, with the coherence from the lines that are not excited."""
     spectra = [amplitude_spectrum(signal) for signal in (reading, position, plant_input)]
     steps = excitation.lines * _PERIODS
@@ -273,7 +279,9 @@ def _evaluate(
     background = _Background(steps, len(spectra[0]))
     plant = moved / driven
     noise = background.rms_near(lambda index, _: spectra[0][index])
-    plant_noise = background.rms_near(lambda index, point: spectra[1][index] - plant[point] * spectra[2][index])
+    plant_noise = background.rms_near(
+        lambda index, point: spectra[1][index] - plant[point] * spectra[2][index]
+    )
     frequency = excitation.lines / excitation.period_ticks
     injected = excitation.amplitudes
     return {
@@ -314,32 +322,38 @@ _MIN_WINDOW_LINES = 16
 """Smallest distance of lines that are evaluated together with an excited line, inverse periods."""
 _MAX_AVERAGED_SIDE = 4
 """Largest number of points on each side that are averaged with a point."""
+_MIN_AVERAGED_POINTS = 3
 _MAX_SCATTER_TO_NOISE = 2.0
 """Largest power of the deviations from the mean line, relative to that of the noise."""
 
 
+_MAX_UNCERTAINTY = (10.0 ** (EXACT_UNCERTAINTY_DB / 20.0) - 1.0) / UNCERTAINTY_SIGMAS
+"""Largest relative standard deviation of a point that is not averaged with its neighbours."""
+
+
 def _make_response(frequency: FloatArray, values: ComplexArray, noise_ratio: FloatArray) -> Response:
-    """Return a response; uncertain points are averaged with their neighbours, or have no value.
+    """Return a response; uncertain points are averaged with their neighbours.
 
     The logarithm of the neighbours' values is fitted by a straight line over the logarithm of the
     frequency. This is permitted only if the neighbours deviate from this line by no more than noise.
     """
-    uncertainty = noise_ratio / math.sqrt(2.0)  # of the magnitude, and of the phase in radians
-    averaged = np.ones(len(values), dtype=np.int64)
-    stated = values.copy()
-    for point in np.flatnonzero(uncertainty > MAX_UNCERTAINTY).tolist():
-        stated[point] = np.nan
+    coherence = 1.0 / (1.0 + noise_ratio**2)
+    own_uncertainty = noise_ratio / math.sqrt(2.0)  # of the magnitude, and of the phase in radians
+    averaged, uncertainty = np.ones(len(values), dtype=np.int64), own_uncertainty.copy()
+    stated = np.where(coherence < MIN_COHERENCE, np.nan, values)
+    for point in np.flatnonzero(own_uncertainty > _MAX_UNCERTAINTY).tolist():
         for side in range(1, _MAX_AVERAGED_SIDE + 1):
             near = np.arange(max(0, point - side), min(len(values), point + side + 1))
-            if len(near) < 3:
+            if len(near) < _MIN_AVERAGED_POINTS:
                 continue
-            weight = 1.0 / uncertainty[near]
+            weight = 1.0 / own_uncertainty[near]
             basis = np.vander(np.log(frequency[near] / frequency[point]), 2, increasing=True)
             ratios = np.log(values[near] / values[point])
             covariance = np.linalg.inv((basis * weight[:, None] ** 2).T @ basis)
             fit = covariance @ basis.T @ (weight**2 * ratios)
             scatter = np.sum(weight**2 * np.abs(ratios - basis @ fit) ** 2) / (2.0 * (len(near) - 2))
-            if math.sqrt(covariance[0, 0]) <= MAX_UNCERTAINTY and scatter <= _MAX_SCATTER_TO_NOISE:
+            if math.sqrt(covariance[0, 0]) <= _MAX_UNCERTAINTY and scatter <= _MAX_SCATTER_TO_NOISE:
                 stated[point], averaged[point] = values[point] * np.exp(fit[0]), len(near)
+                uncertainty[point] = math.sqrt(covariance[0, 0])
                 break
-    return Response(stated, 1.0 / (1.0 + noise_ratio**2), averaged)
+    return Response(stated, uncertainty, coherence, averaged)

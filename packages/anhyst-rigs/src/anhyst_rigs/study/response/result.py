@@ -28,9 +28,12 @@ if TYPE_CHECKING:
 ResponseName = Literal["closed_loop", "sensitivity", "plant"]
 RESPONSE_NAMES: tuple[ResponseName, ...] = get_args(ResponseName)
 
-MAX_UNCERTAINTY = 0.0115
-"""Largest relative standard deviation of a value that is stated: three of them are 0.3 dB or 2
-degrees."""
+MIN_COHERENCE = 0.95
+"""Smallest coherence of a value that is stated."""
+UNCERTAINTY_SIGMAS = 3.0
+"""Number of standard deviations in a stated uncertainty."""
+EXACT_UNCERTAINTY_DB = 0.3
+"""Uncertainty up to which a point counts as exact; its phase is then exact to 2 degrees."""
 _MAX_NEIGHBOUR_RATIO = 1.2
 """Largest ratio of two neighbouring frequencies between which a margin is interpolated."""
 
@@ -40,9 +43,21 @@ class Response:
     """A response at all frequencies."""
 
     values: ComplexArray  # complex gain; nan where the coherence is too low; shape (n,)
+    uncertainty: FloatArray  # relative standard deviation of the magnitude; shape (n,)
     coherence: FloatArray  # fraction of the power that the excitation explains, 0 to 1; shape (n,)
     # number of neighbouring points in the weighted mean; 1: the point alone; shape (n,)
     averaged: NDArray[np.int64]
+
+    @property
+    def uncertainty_decibel(self) -> FloatArray:
+        """Uncertainty of the magnitude, dB; nan without a value."""
+        decibel = 20.0 * np.log10(1.0 + UNCERTAINTY_SIGMAS * self.uncertainty)
+        return np.where(np.isfinite(self.values), decibel, np.nan)
+
+    @property
+    def exact_points(self) -> int:
+        """Number of points with an uncertainty up to :data:`EXACT_UNCERTAINTY_DB`."""
+        return int(np.count_nonzero(self.uncertainty_decibel <= EXACT_UNCERTAINTY_DB))
 
 
 @dataclass(frozen=True)
@@ -118,7 +133,7 @@ class FrequencyResponse(Result):
     def facts(self) -> dict[str, str]:
         """Return margins, zone and the excitation as texts."""
         margins = self.margins
-        counts = [f"{name} {int(np.isfinite(r.values).sum())}" for name, r in self.responses.items()]
+        counts = [f"{name} {response.exact_points}" for name, response in self.responses.items()]
         return {
             "sensitivity peak": f"{margins.peak:.3g} at {margins.peak_frequency:.4g} Hz",
             "zone of ISO 14839-3": self.zone,
@@ -127,17 +142,20 @@ class FrequencyResponse(Result):
             "gain margins": f"factors {margins.gain_down:.3g} and {margins.gain_up:.3g}",
             "largest motion": f"{1e6 * self.motion:.3g} um",
             "rig time": f"{self.duration:.3g} s",
-            f"points of {len(self.frequency)} with a value": ", ".join(counts).replace("_", " "),
+            f"points of {len(self.frequency)} within {EXACT_UNCERTAINTY_DB:g} dB and 2 degrees": ", ".join(
+                counts
+            ).replace("_", " "),
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return magnitude, phase, coherence and averaged points of each response."""
+        """Return magnitude, phase, coherence, uncertainty and averaged points of each response."""
         columns: dict[str, Any] = {"frequency_Hz": self.frequency}
         for name, response in self.responses.items():
             unit = f"_{self.plant_unit.replace('/', '_per_')}" if name == "plant" else ""
             columns[f"{name}{unit}"] = np.abs(response.values)
             columns[f"{name}_deg"] = np.degrees(np.angle(response.values))
             columns[f"{name}_coherence"] = response.coherence
+            columns[f"{name}_uncertainty_dB"] = response.uncertainty_decibel
             columns[f"{name}_averaged"] = response.averaged
         return columns
 
@@ -201,9 +219,10 @@ def read_response(path: PathLike) -> FrequencyResponse:
         plant_unit = settings.pop("plant_unit")
         responses = {}
         for number, name in enumerate(RESPONSE_NAMES):
-            magnitude, phase, coherence, averaged = table[1 + 4 * number : 5 + 4 * number]
+            magnitude, phase, coherence, decibel, averaged = table[1 + 5 * number : 6 + 5 * number]
             values = magnitude * np.exp(1j * np.radians(phase))
-            responses[name] = Response(values, coherence, averaged.astype(np.int64))
+            uncertainty = (10.0 ** (decibel / 20.0) - 1.0) / UNCERTAINTY_SIGMAS
+            responses[name] = Response(values, uncertainty, coherence, averaged.astype(np.int64))
         numbers = {name: float(value) for name, value in settings.items()}
         return FrequencyResponse(columns["frequency_Hz"], responses, plant_unit=plant_unit, **numbers)
     except (ValueError, KeyError, TypeError, IndexError) as error:
