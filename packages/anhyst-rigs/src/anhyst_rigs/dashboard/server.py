@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import secrets
 import time
 from collections import deque
@@ -22,11 +23,12 @@ from anhyst.support.atomic import to_json_value
 from anhyst.support.errors import InputError
 from anhyst.support.states import Fault, Phase, State
 from anhyst_rigs.dashboard.browsers import MessageRateLimit, RequestGuard, RowQueue, encode_frame
+from anhyst_rigs.dashboard.derived import DerivedSignal
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, WAVE_SHAPES
 from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameters, perform
 from anhyst_rigs.dashboard.recording import BUFFER_S, column_header
 from anhyst_rigs.dashboard.session import WATCH_ONLY_REASON, LiveSession, refuse_all_orders
-from anhyst_rigs.rig.bench.protocol import Parameter
+from anhyst_rigs.rig.bench.protocol import Parameter, Signal
 from anhyst_rigs.study.improve import DrawnLoop
 
 CONTROL_REQUEST_TIMEOUT_S = 10.0
@@ -80,7 +82,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "title": title,
         "you": client_number,
         "rate": bench.rate,
-        "signals": [{**signal._asdict(), "head": column_header(signal)} for signal in bench.signals],
+        "signals": describe_signals(session),
         "aim": bench.demand_range._asdict(),
         "load_most": bench.max_load,
         "body": bench.body,
@@ -99,6 +101,13 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "limits": None if session.improver is None else session.improver.limits(),
         "loops": describe_loops(session),
     }
+
+
+def describe_signals(session: LiveSession) -> list[dict[str, Any]]:
+    """Return the signals of the bench and the derived ones, in the order of their columns."""
+    derived = [{**one.signal._asdict(), "expression": one.expression} for one in session.derived.definitions]
+    signals = [*(signal._asdict() for signal in session.bench.signals), *derived]
+    return [{**one, "head": column_header(Signal(one["name"], one["unit"], ""))} for one in signals]
 
 
 def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
@@ -125,6 +134,9 @@ _MAX_QUEUED_ANSWERS = 64
 _MESSAGE_RATE_HZ, _MESSAGE_BURST = 60.0, 60
 _CLOSE_BAD_MESSAGE, _CLOSE_SERVER_FULL = 1008, 1013
 
+_FOLDERS_PATTERN = re.compile(r"(?<![\w:/.])/(?:[^/\s:]+/)+")
+"""Folders of an absolute path in a text."""
+
 _Result = TypeVar("_Result")
 
 
@@ -139,6 +151,7 @@ class Client:
         self.parameters: tuple[Parameter, ...] = ()
         self.curves: tuple[DrawnLoop, ...] = ()
         self.results: Mapping[str, Any] = {}
+        self.derived: tuple[DerivedSignal, ...] = ()
         self._answers: deque[Mapping[str, Any]] = deque(maxlen=_MAX_QUEUED_ANSWERS)
 
     @property
@@ -206,6 +219,7 @@ class LiveServer:
         self._clients[client.number] = client
         self.desk.join(client.number)
         client.parameters, client.curves = self.session.parameters, self.session.curves
+        client.derived = self.session.derived.definitions
         await client.send_message(make_welcome_message(self.session, self._title, client.number))
         leave = self.session.subscribe(client.outbox.put)
         sender = asyncio.create_task(self._send_frames(client))
@@ -227,6 +241,9 @@ class LiveServer:
                     due_time = clock() + _STATUS_PERIOD_S
                     self.desk.check_timeout()
                     await self._send_status(client)
+                if client.derived is not self.session.derived.definitions:
+                    client.derived = self.session.derived.definitions
+                    await client.send_message({"kind": "signals", "signals": describe_signals(self.session)})
                 await client.send_waiting()
                 await asyncio.sleep(1.0 / _FRAME_RATE_HZ)
         except (WebSocketDisconnect, RuntimeError):
@@ -291,7 +308,8 @@ class LiveServer:
         try:
             reply = await self._perform_order(client, message)
         except InputError as error:
-            reply = {"reason": str(error)}
+            # A page shows the name of a file, and not the folders of the server.
+            reply = {"reason": _FOLDERS_PATTERN.sub("", str(error))}
         client.queue_message(
             {"kind": "answer", "id": message_number if isinstance(message_number, int) else 0, **reply}
         )
