@@ -180,18 +180,22 @@ class FrequencyResponse(Result):
             "facts": self.facts(),
         }
 
-    def save(self, path: PathLike) -> Path:
-        """Write the responses as CSV. A cell is empty where the coherence is too low for a value."""
+    def csv_text(self) -> str:
+        """Return the content of the CSV file. A cell without a value is empty."""
         columns = self.to_columns()
         settings = {
             name: getattr(self, name) for name in ("rate", "plant_unit", "motion", "injected", "duration")
         }
+        lines = [f"# {name} = {value}" for name, value in settings.items()]
+        lines.append(",".join(columns))
+        rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+        lines += [",".join("" if math.isnan(x) else repr(x) for x in row) for row in rows]
+        return "\n".join(lines) + "\n"
+
+    def save(self, path: PathLike) -> Path:
+        """Write the responses as CSV."""
         with atomic_writer(path) as file:
-            file.writelines(f"# {name} = {value}\n" for name, value in settings.items())
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            for row in zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True):
-                writer.writerow("" if isinstance(x, float) and math.isnan(x) else repr(x) for x in row)
+            file.write(self.csv_text())
         return Path(path)
 
     def draw(self, ax: Axes) -> None:
