@@ -128,7 +128,14 @@ class FrequencyResponse(Result):
         values = self.responses[name].values
         has_value = np.isfinite(values)
         omega = 2.0 * np.pi * self.frequency[has_value]
-        return control_library().FrequencyResponseData(values[has_value], omega, 1.0 / self.rate, name=name)
+        plant_input = "current" if self.plant_unit == "m/A" else "force"
+        signals = {
+            "inputs": [plant_input if name == "plant" else "injected"],
+            "outputs": ["reading" if name == "sensitivity" else "position"],
+        }
+        return control_library().FrequencyResponseData(
+            values[has_value], omega, 1.0 / self.rate, name=name, **signals
+        )
 
     def facts(self) -> dict[str, str]:
         """Return margins, zone and the excitation as texts."""
@@ -239,10 +246,10 @@ def read_response(path: PathLike) -> FrequencyResponse:
 def find_margins(frequency: FloatArray, responses: Mapping[ResponseName, Response]) -> MeasuredMargins:
     """Return the margins of the loop gain, which is the closed loop divided by the sensitivity."""
     sensitivity = responses["sensitivity"].values
-    gain = responses["closed_loop"].values / sensitivity
     magnitude = np.abs(sensitivity)
     is_neighbour = frequency[1:] < _MAX_NEIGHBOUR_RATIO * frequency[:-1]
     with np.errstate(invalid="ignore"):
+        gain = responses["closed_loop"].values / sensitivity
         axis = _crossings(gain, gain.imag, is_neighbour)
         circle = _crossings(gain, np.abs(gain) - 1.0, is_neighbour)
         crossovers = _crossings(frequency.astype(np.complex128), np.abs(gain) - 1.0, is_neighbour).real
