@@ -45,6 +45,7 @@ def figure_response(response: FrequencyResponse) -> Figure:
 
     figure = Figure(figsize=(7.0, 8.0), layout="constrained")
     magnitude_ax, plant_ax, phase_ax, coherence_ax = figure.subplots(4, 1, sharex=True)
+    columns = response.to_columns()
     for name, one in response.responses.items():
         line = {
             "color": f"C{list(response.responses).index(name)}",
@@ -53,7 +54,7 @@ def figure_response(response: FrequencyResponse) -> Figure:
         }
         ax = plant_ax if name == "plant" else magnitude_ax
         ax.semilogx(response.frequency, 20.0 * np.log10(np.abs(one.values)), **line)
-        phase_ax.semilogx(response.frequency, np.degrees(np.angle(one.values)), **line)
+        phase_ax.semilogx(response.frequency, columns[f"{name}_deg"], **line)
         coherence_ax.semilogx(response.frequency, one.coherence, **line)
     for ax, text in (
         (magnitude_ax, "magnitude [dB]"),

@@ -174,7 +174,7 @@ _STEP_TO_MAX_STEP = 0.5
 _LIMITED = Flag.DEMAND_LIMITED | Flag.CURRENT_LIMITED | Flag.FLUX_LIMITED | Flag.SAMPLE_IMPLAUSIBLE
 
 
-def _injection_port(setup: BearingSetup) -> InjectionPort:
+def make_injection_port(setup: BearingSetup) -> InjectionPort:
     """Return the port of a bearing; the input of its plant is the current reference."""
     settings, limits = setup.rig.settings, setup.controller.limits
     body, supply = settings.body, settings.amplifier.supply
@@ -232,7 +232,7 @@ class BearingBench(LockStepBench):
         self.demand_range = DemandRange("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
         self.max_load, self.rest_load = limits.force_high_N, rig.settings.load.force_N
         self._injected = InjectedSignal()
-        self.injection_port = _injection_port(setup)
+        self.injection_port = make_injection_port(setup)
         self._target_code: int | None = None
         self._resources = ExitStack()
         try:

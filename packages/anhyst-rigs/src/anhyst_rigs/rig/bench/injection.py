@@ -12,7 +12,7 @@ from anhyst.support.numeric import FloatArray
 
 MOTION_TO_GAP = 0.01
 """Default of the largest motion by an injected signal, relative to the operating gap."""
-CURRENT_TO_MAX_CURRENT = 0.1
+CURRENT_TO_MAX_CURRENT = 0.07
 """Largest change of a current by this signal, relative to the largest current."""
 
 

@@ -58,7 +58,7 @@ _PILOT_TO_NOISE = 2.0
 """rms of the pilot signal, relative to the rms of the noise in the position reading."""
 _MIN_NOISE_TO_MOTION = 1e-3
 """Smallest noise that is assumed, relative to the largest motion."""
-_EVEN_POWER_FRACTION = 0.1
+_EVEN_POWER_FRACTION = 0.2
 """Fraction of the power in the plant's input that is equal for all points. The other power increases
 with a power of the frequency, because the motion of a mass falls with the square of the frequency,
 and amplifiers reduce it further."""
@@ -320,7 +320,7 @@ class _Background:
 
 _MIN_WINDOW_LINES = 16
 """Smallest distance of lines that are evaluated together with an excited line, inverse periods."""
-_MAX_AVERAGED_SIDE = 4
+_MAX_AVERAGED_SIDE = 5
 """Largest number of points on each side that are averaged with a point."""
 _MIN_AVERAGED_POINTS = 3
 _MAX_SCATTER_TO_NOISE = 2.0

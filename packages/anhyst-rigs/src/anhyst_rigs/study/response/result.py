@@ -30,8 +30,9 @@ RESPONSE_NAMES: tuple[ResponseName, ...] = get_args(ResponseName)
 
 MIN_COHERENCE = 0.95
 """Smallest coherence of a value that is stated."""
-UNCERTAINTY_SIGMAS = 3.0
-"""Number of standard deviations in a stated uncertainty."""
+UNCERTAINTY_SIGMAS = 4.0
+"""Number of standard deviations in a stated uncertainty. In simulated linear loops, the deviations are
+1.2 times as large as the standard deviation from neighbouring lines."""
 EXACT_UNCERTAINTY_DB = 0.3
 """Uncertainty up to which a point counts as exact; its phase is then exact to 2 degrees."""
 _MAX_NEIGHBOUR_RATIO = 1.2
@@ -54,10 +55,26 @@ class Response:
         decibel = 20.0 * np.log10(1.0 + UNCERTAINTY_SIGMAS * self.uncertainty)
         return np.where(np.isfinite(self.values), decibel, np.nan)
 
+    def phase(self, anchor: int, target: float) -> FloatArray:
+        """Return the continuous phase, degrees; at the anchor, it is within 180 degrees of a target."""
+        phase, has_value = np.full(len(self.values), np.nan), np.isfinite(self.values)
+        if has_value.any():
+            continuous = np.degrees(np.unwrap(np.angle(self.values[has_value])))
+            phase[has_value] = continuous - 360.0 * np.round((continuous[anchor] - target) / 360.0)
+        return phase
+
     @property
     def exact_points(self) -> int:
         """Number of points with an uncertainty up to :data:`EXACT_UNCERTAINTY_DB`."""
         return int(np.count_nonzero(self.uncertainty_decibel <= EXACT_UNCERTAINTY_DB))
+
+
+_PHASE_ANCHORS: Mapping[ResponseName, tuple[int, float]] = {
+    "closed_loop": (0, 0.0),
+    "sensitivity": (-1, 0.0),
+    "plant": (0, -180.0),
+}
+"""Point of each response whose phase is known, and this phase, degrees."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +177,7 @@ class FrequencyResponse(Result):
         for name, response in self.responses.items():
             unit = f"_{self.plant_unit.replace('/', '_per_')}" if name == "plant" else ""
             columns[f"{name}{unit}"] = np.abs(response.values)
-            columns[f"{name}_deg"] = np.degrees(np.angle(response.values))
+            columns[f"{name}_deg"] = response.phase(*_PHASE_ANCHORS[name])
             columns[f"{name}_coherence"] = response.coherence
             columns[f"{name}_uncertainty_dB"] = response.uncertainty_decibel
             columns[f"{name}_averaged"] = response.averaged
