@@ -28,7 +28,9 @@ class SimulatedSeat:
         self.rate, self.tick = self._rig.settings.timing.rate_Hz, 0
         self.injection_port = replace(make_injection_port(setup), held_values={"state": HOVER_CODE})
         names = self._run(np.zeros(1)).columns
-        self.signals = tuple(Signal(name.rsplit("_", 1)[0] if "_" in name else name, "", "") for name in names)
+        self.signals = tuple(
+            Signal(name.rsplit("_", 1)[0] if "_" in name else name, "", "") for name in names
+        )
 
     def _run(self, inject: FloatArray) -> Recording:
         self.tick += len(inject)
