@@ -212,8 +212,10 @@ def test_a_dropped_recording_is_overlaid_and_aligned_by_the_trigger(page: Page, 
     hit = seen(page, "page.scope.shot.hit")
     crossed = seen(
         page,
-        """(() => { const { ticks, columns, shift } = page.scope.overlays[0]; const r = columns.get("reference");
-        const n = r.findIndex((value, i) => i && r[i - 1] > 440e-6 && value <= 440e-6); return ticks[n] + shift; })()""",
+        """(() => { const { ticks, columns, shift } = page.scope.overlays[0];
+        const r = columns.get("reference");
+        const n = r.findIndex((value, i) => i && r[i - 1] > 440e-6 && value <= 440e-6);
+        return ticks[n] + shift; })()""",
     )
     assert crossed == hit
     assert hit > record_start + 10_000
@@ -264,7 +266,8 @@ def test_a_field_accepts_units_and_states_its_range(page: Page, bearing: Served)
         target.fill(text)
         assert message.is_hidden()
         target.press("Enter")
-        wait_for(lambda value=expected_um: abs(1e6 * bearing.session.status()["target"] - value) < 1e-6)
+        until(page, f"document.getElementById('panel').innerText.includes('now {expected_um:g} µm')")
+        assert bearing.session.status()["target"] == pytest.approx(1e-6 * expected_um)
     target.press("ArrowUp")
     assert float(target.input_value()) == pytest.approx(432.4)
     target.press("Shift+ArrowDown")
@@ -276,7 +279,7 @@ def test_a_parameter_beyond_its_range_cannot_be_staged(page: Page) -> None:
     page.get_by_label("Proportional gain", exact=True).fill("999999999")
     assert page.locator("#apply").is_disabled()
     assert (
-        "1.70547 to 6.82187 MN/m" in page.locator("#parameters .invalid").locator("visible=true").inner_text()
+        "1.706 to 6.821 MN/m" in page.locator("#parameters .invalid").locator("visible=true").inner_text()
     )
     page.get_by_label("Proportional gain", exact=True).fill("4000 kN/m")
     assert page.locator("#apply").is_enabled()

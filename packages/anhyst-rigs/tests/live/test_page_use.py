@@ -54,7 +54,7 @@ def columns(page: Page) -> dict[str, FloatArray]:
 
 
 BOXES = """() => [...document.querySelectorAll("button, input, select, output, dd, legend")]
-  .filter((one) => one.checkVisibility() && !one.closest("#stopbar, #notice"))
+  .filter((one) => one.checkVisibility() && !one.closest("#stopbar, #notice, #signal-list, nav"))
   .map((one) => [one.id || one.textContent || one.className, one.getBoundingClientRect()])
   .filter(([, box]) => box.width && box.height)
   .map(([name, box]) => [name, box.left, box.top, box.right, box.bottom])"""

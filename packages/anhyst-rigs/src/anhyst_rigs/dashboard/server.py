@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from starlette.applications import Starlette
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import FileResponse
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
@@ -348,7 +349,7 @@ def page_routes(name: str) -> list[BaseRoute]:
     async def page(_request: object) -> FileResponse:
         return FileResponse(ASSETS_FOLDER / name)
 
-    return [Route("/", page), Mount("/assets", StaticFiles(directory=ASSETS_FOLDER))]
+    return [Route("/", page), Mount("/assets", GZipMiddleware(StaticFiles(directory=ASSETS_FOLDER)))]
 
 
 async def _receive_message(socket: WebSocket) -> dict[str, Any]:

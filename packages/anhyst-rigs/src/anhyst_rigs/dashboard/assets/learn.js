@@ -148,9 +148,9 @@ export class Learning {
     this.errors.begin([...limits(times), ...limits([0], averages)]);
     this.legend.replaceChildren();
     for (const [n, method] of [...new Set(this.#laps.map((one) => one.method))].entries()) {
-      const name = make("b", { textContent: ` ● ${method} ` });
-      name.style.color = COLOURS[n];
-      this.legend.append(name);
+      const dot = make("i", { className: "dot" });
+      dot.style.background = COLOURS[n];
+      this.legend.append(make("b", {}, dot, ` ${method} `));
       const laps = this.#laps.filter((one) => one.method === method);
       for (const one of laps) this.errors.dot(one.tick / this.bench.rate, this.of.factor * one.average, COLOURS[n]);
     }

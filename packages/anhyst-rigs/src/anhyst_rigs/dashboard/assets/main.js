@@ -70,6 +70,7 @@ function record(text) {
 
 function open(bench) {
   bench.choices = keeping(bench.title);
+  const lastView = bench.choices.get("view", "scope");
   label(bench);
   notices.clear();
   const store = new Store(bench.signals.length, bench.every);
@@ -105,7 +106,7 @@ function open(bench) {
   document.title = `${bench.title} – anhyst live`;
   document.body.classList.remove("lost");
   window.anhyst = page;
-  choose(bench.choices.get("view", "scope"));
+  choose(lastView);
 }
 
 // Makes a view of a panel that has a fixed tab.

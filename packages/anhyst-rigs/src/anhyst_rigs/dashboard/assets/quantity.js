@@ -63,17 +63,19 @@ export class Quantity {
 
   // Whether a value is outside the range by more than the rounding of the shown digits.
   #outside(value) {
-    const { low = -Infinity, high = Infinity } = this.spec;
-    const slack = 1e-6 * Math.max(Math.abs(low), Math.abs(high), 0);
-    return value < low - (Number.isFinite(slack) ? slack : 0) || value > high + (Number.isFinite(slack) ? slack : 0);
+    const { low, high } = this.spec;
+    const slack = 1e-6 * Math.max(Math.abs(low), Math.abs(high));
+    return value < low - slack || value > high + slack;
   }
 
-  // Returns the range in words.
+  // Returns the range in words, rounded to values within it.
   range() {
-    const { low = -Infinity, high = Infinity } = this.spec;
-    const unit = this.display.name ? ` ${this.display.name}` : "";
-    if (!Number.isFinite(low) || !Number.isFinite(high)) return Number.isFinite(low) ? `At least ${this.text(low)}${unit}` : "Any number";
-    return `${this.text(low)} to ${this.text(high)}${unit}`;
+    const { factor, name } = this.display;
+    const inward = (value, round, slack) => {
+      const size = 10 ** (3 - Math.floor(Math.log10(Math.abs(value * factor) || 1)));
+      return Number((round(value * factor * size + slack) / size).toPrecision(6));
+    };
+    return `${inward(this.spec.low, Math.ceil, -1e-6)} to ${inward(this.spec.high, Math.floor, 1e-6)}${name && ` ${name}`}`;
   }
 
   text(value) {
@@ -104,7 +106,7 @@ export class Quantity {
     if (event.key === "Enter" && this.check()) sent(this.value, event);
     const way = { ArrowUp: 1, ArrowDown: -1 }[event.key];
     const { low, high } = this.spec;
-    if (!way || this.value === null || !Number.isFinite(high - low)) return;
+    if (!way || this.value === null) return;
     event.preventDefault();
     const step = COARSE * (high - low) * (event.shiftKey ? 0.1 : 1);
     this.set(Math.min(high, Math.max(low, this.value + way * step)));

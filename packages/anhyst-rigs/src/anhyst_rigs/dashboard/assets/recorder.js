@@ -58,8 +58,8 @@ export class RecorderPanel {
       line(this.name, this.kind),
       options,
       line(
-        button("record", "Record", "Write every tick to a new file", () => this.start()),
-        button("record-stop", "Stop recording", "End the recording", () => order("record", { file: null })),
+        (this.startButton = button("record", "Record", "Write every tick to a new file", () => this.start())),
+        (this.stopButton = button("record-stop", "Stop recording", "End the recording", () => order("record", { file: null }))),
         button("keep", `Keep last ${bench.kept} s`, `Write the last ${bench.kept} s to a new file`, () => this.keep()),
       ),
       this.now,
@@ -102,6 +102,8 @@ export class RecorderPanel {
   }
 
   status({ recording }) {
+    this.startButton.hidden = Boolean(recording);
+    this.stopButton.hidden = !recording;
     this.now.textContent = recording
       ? `${recording.file}: ${recording.waits ? "waits for the trigger" : `${recording.rows} ticks`}`
       : "Nothing is recorded.";

@@ -21,12 +21,24 @@ export function hint({ name, label, symbol, unit, doc }) {
   return `${label}${symbol && `, ${symbol}`}${unit && `, ${shown(unit).name}`}\n${name}${doc && `: ${doc}`}`;
 }
 
-const NOISE_ROWS = 1000; // number of rows from which the noise is estimated
+const NOISE_ROWS = 400; // number of rows from which the noise is estimated
 const SPAN_PER_NOISE = 30; // smallest range of an axis, in standard deviations of the noise
 const SPAN_PER_RANGE = 0.005; // smallest range of an axis as a fraction of the demand range
 
+const SPAN_MS = 1000; // time for which an estimate of the noise is valid
+const spans = new Map(); // smallest range and its end of validity by unit
+
 // Returns the smallest range of an axis with a unit, SI, so that noise remains a thin line.
 export function leastSpan(bench, store, unit) {
+  const now = performance.now();
+  const known = spans.get(unit);
+  if (known && now < known.due) return known.span;
+  const span = estimateSpan(bench, store, unit);
+  spans.set(unit, { span, due: now + SPAN_MS });
+  return span;
+}
+
+function estimateSpan(bench, store, unit) {
   const { least, factor } = shown(unit);
   const range = unit === bench.aim.unit ? SPAN_PER_RANGE * (bench.aim.high - bench.aim.low) : 0;
   const read = bench.signals.filter((one) => one.unit === unit && one.name.includes("_read"));

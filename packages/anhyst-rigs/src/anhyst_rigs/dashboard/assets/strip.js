@@ -14,15 +14,12 @@ const TIME_LABELS_PX = 36; // height of the time labels below the last strip, pi
 const THICKNESS = 1.5;
 const OVERLAY_ALPHA = 0.45; // opacity of a recording that is drawn behind the running signals
 const LETTER_PX = 7; // width of a letter at an axis, pixels
-const SPAN_MS = 500; // time between two estimates of the smallest range
 const MAX_MS_WINDOW_S = 0.5; // longest window whose times are shown in ms
 
 export class Strip {
   #raster = new Raster();
   #traces = [];
   #overlays = [];
-  #spanDue = 0;
-  #span = 0;
 
   constructor(plot, unit, signals, isLast) {
     const { scope } = plot;
@@ -104,13 +101,10 @@ export class Strip {
     this.#traces = [{ ...store.envelope(columns, from, to, pixels), signals: this.signals, shift: 0 }];
     this.#overlays = this.scope.overlays.map((one) => one.envelope(this.signals, from, to, pixels));
     this.zero = zero;
-    if (performance.now() >= this.#spanDue) {
-      this.#spanDue = performance.now() + SPAN_MS;
-      this.#span = leastSpan(this.scope.bench, store, this.unit) * this.factor;
-    }
+    const least = leastSpan(this.scope.bench, store, this.unit) * this.factor;
     const { rate } = this.scope.bench;
     const ends = [(from - zero) / rate, (to - zero) / rate];
-    const [min, max] = padded([...this.#overlays, ...this.#traces], this.factor, this.#span);
+    const [min, max] = padded([...this.#overlays, ...this.#traces], this.factor, least);
     this.plot.batch(() => {
       this.plot.setData([ends, [null, null]], false);
       this.plot.setScale("x", { min: ends[0], max: ends[1] });
