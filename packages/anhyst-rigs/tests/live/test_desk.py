@@ -278,9 +278,7 @@ def test_a_parameter_beyond_its_range_cannot_be_staged(page: Page) -> None:
     page.locator("[data-view=parameters]").click()
     page.get_by_label("Proportional gain", exact=True).fill("999999999")
     assert page.locator("#apply").is_disabled()
-    assert (
-        "1.706 to 6.821 MN/m" in page.locator("#parameters .invalid").locator("visible=true").inner_text()
-    )
+    assert "1.706 to 6.821 MN/m" in page.locator("#parameters .invalid").locator("visible=true").inner_text()
     page.get_by_label("Proportional gain", exact=True).fill("4000 kN/m")
     assert page.locator("#apply").is_enabled()
     page.get_by_role("button", name="Discard").click()

@@ -19,7 +19,7 @@ from anhyst_rigs.rig.drift import change_iron, change_rig
 from anhyst_rigs.study.bearing.linear import find_zone
 from anhyst_rigs.study.bearing.operating import find_operating_point, make_linear_loop
 from anhyst_rigs.study.response.measurement import measure_response
-from anhyst_rigs.study.response.multisine import Multisine, choose_lines, find_phases
+from anhyst_rigs.study.response.multisine import Multisine, choose_lines, with_random_phases
 from anhyst_rigs.study.response.result import FrequencyResponse, read_response
 from tests.refusals import refused
 from tests.study import bearings
@@ -70,7 +70,7 @@ def test_exact_points_of_drawn_bearings_equal_the_linear_loop(number: int) -> No
     assert len(response.frequency) == 200
     assert response.frequency[[0, -1]] == pytest.approx([1.0, 5000.0], rel=2e-3)
     assert response.duration < 20.0
-    for name, fewest in (("sensitivity", 195), ("closed_loop", 145), ("plant", 150)):
+    for name, fewest in (("sensitivity", 195), ("closed_loop", 140), ("plant", 145)):
         decibel, degrees, count = deviations(response, expected, name)
         assert count >= fewest, name
         assert decibel < 0.31, name
@@ -174,16 +174,14 @@ def test_a_loop_that_reaches_a_limit_is_refused() -> None:
         measure_response(seat)
 
 
-def test_a_multisine_is_odd_and_has_a_small_peak() -> None:
+def test_a_multisine_has_odd_lines_with_detection_lines_between() -> None:
     lines = choose_lines(200, 5.0, 25_000.0)
     assert len(lines) == len(set(lines.tolist())) == 200
     assert (lines[0], lines[-1]) == (5, 24_999)
     assert set((lines % 8).tolist()) == {1, 5, 7}
-    amplitudes = find_phases(lines, np.ones(200), 100_000)
-    signal = Multisine(lines, amplitudes, 100_000)
-    assert np.abs(amplitudes) == pytest.approx(np.ones(200))
-    assert np.abs(signal.respond()).max() < 2.2 * math.sqrt(100.0)
-    assert signal.amplitudes_of(signal.respond()) == pytest.approx(amplitudes)
+    signal = Multisine(lines, with_random_phases(np.ones(200)), 100_000)
+    assert np.abs(signal.respond()).max() < 4.5 * math.sqrt(100.0)
+    assert signal.amplitudes_of(signal.respond()) == pytest.approx(signal.amplitudes)
 
 
 def test_no_point_is_above_half_the_rate() -> None:

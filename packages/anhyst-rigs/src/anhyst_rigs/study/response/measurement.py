@@ -28,7 +28,7 @@ from anhyst_rigs.study.response.multisine import (
     Multisine,
     amplitude_spectrum,
     choose_lines,
-    find_phases,
+    with_random_phases,
 )
 from anhyst_rigs.study.response.result import (
     EXACT_UNCERTAINTY_DB,
@@ -222,7 +222,7 @@ def _design_excitation(loop: _MeasuredLoop, motion: float) -> Multisine:
     pilot_ticks = round(_PILOT_PERIOD_S * rate)
     pilot_lines = choose_lines(_PILOT_POINTS, LOW_HZ, math.floor(high * pilot_ticks / rate))
     even = np.full(len(pilot_lines), _PILOT_TO_NOISE * noise * math.sqrt(2.0 / len(pilot_lines)))
-    pilot = Multisine(pilot_lines, find_phases(pilot_lines, even, pilot_ticks), pilot_ticks)
+    pilot = Multisine(pilot_lines, with_random_phases(even), pilot_ticks)
     pilot_period = pilot.respond()
     rest_ticks = round(_REST_S * rate)
     records = loop.record(np.concatenate([pilot_period[-rest_ticks:], pilot_period]))[:, rest_ticks:]
@@ -257,7 +257,7 @@ def _limit_excitation(
         ]
         return max(*peaks, float(np.abs(np.diff(signal.respond())).max()) / port.max_step)
 
-    amplitudes = find_phases(lines, np.sqrt(relative_power), period_ticks) / input_gain
+    amplitudes = with_random_phases(np.sqrt(relative_power)) / input_gain
     signal = Multisine(lines, amplitudes, period_ticks)
     amplitudes = amplitudes / excess(signal)
     # The position of each line alone is limited, so that the sum remains below the largest motion.

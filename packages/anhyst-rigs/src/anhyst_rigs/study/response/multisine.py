@@ -1,8 +1,7 @@
 """Design a multi-sine: a periodic sum of sines that measures a frequency response without leakage.
 
-All frequencies are whole multiples of the inverse period. They are spaced as evenly as possible on
-a logarithmic axis. The phases reduce the peak of the signal by repeated clipping (E. van der
-Ouderaa, J. Schoukens and J. Renneboog, IEEE Trans. Instrum. Meas. 37, 1988).
+All frequencies are whole multiples of the inverse period, and their phases are random. They are
+spaced as evenly as possible on a logarithmic axis.
 """
 
 from __future__ import annotations
@@ -17,10 +16,6 @@ from anhyst.support.numeric import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 LineArray = NDArray[np.int64]
-
-_CLIPPING_STEPS = 80
-_CLIPPING_LEVEL = 0.8
-"""Level at which the signal is clipped, relative to its peak."""
 
 
 @dataclass(frozen=True)
@@ -65,17 +60,7 @@ def choose_lines(count: int, low: float, high: float) -> LineArray:
     return chosen
 
 
-def find_phases(lines: LineArray, magnitudes: FloatArray, period_ticks: int) -> ComplexArray:
-    """Return complex amplitudes with these magnitudes whose sum has a small peak."""
-    angles = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, len(lines))
-    best = Multisine(lines, magnitudes * np.exp(1j * angles), period_ticks)
-    best_peak, tried = np.inf, best
-    for _ in range(_CLIPPING_STEPS):
-        signal = tried.respond()
-        peak = float(np.abs(signal).max())
-        if peak < best_peak:
-            best, best_peak = tried, peak
-        limit = _CLIPPING_LEVEL * peak
-        clipped = tried.amplitudes_of(np.clip(signal, -limit, limit))
-        tried = Multisine(lines, magnitudes * np.exp(1j * np.angle(clipped)), period_ticks)
-    return best.amplitudes
+def with_random_phases(magnitudes: FloatArray) -> ComplexArray:
+    """Return complex amplitudes with these magnitudes; the same number of them has the same phases."""
+    turns = np.random.default_rng(1).uniform(0.0, 1.0, len(magnitudes))
+    return np.asarray(magnitudes * np.exp(2j * np.pi * turns))
