@@ -334,8 +334,9 @@ _MAX_UNCERTAINTY = (10.0 ** (EXACT_UNCERTAINTY_DB / 20.0) - 1.0) / UNCERTAINTY_S
 def _make_response(frequency: FloatArray, values: ComplexArray, noise_ratio: FloatArray) -> Response:
     """Return a response; uncertain points are averaged with their neighbours.
 
-    The logarithm of the neighbours' values is fitted by a straight line over the logarithm of the
-    frequency. This is permitted only if the neighbours deviate from this line by no more than noise.
+    Two straight lines fit the neighbours: the logarithm of the magnitude over that of the frequency, and
+    the phase over the frequency, because a delay is linear in it. This is permitted only if the
+    neighbours deviate from these lines by no more than noise.
     """
     coherence = 1.0 / (1.0 + noise_ratio**2)
     own_uncertainty = noise_ratio / math.sqrt(2.0)  # of the magnitude, and of the phase in radians
@@ -347,13 +348,22 @@ def _make_response(frequency: FloatArray, values: ComplexArray, noise_ratio: Flo
             if len(near) < _MIN_AVERAGED_POINTS:
                 continue
             weight = 1.0 / own_uncertainty[near]
-            basis = np.vander(np.log(frequency[near] / frequency[point]), 2, increasing=True)
+            relative = frequency[near] / frequency[point]
             ratios = np.log(values[near] / values[point])
-            covariance = np.linalg.inv((basis * weight[:, None] ** 2).T @ basis)
-            fit = covariance @ basis.T @ (weight**2 * ratios)
-            scatter = np.sum(weight**2 * np.abs(ratios - basis @ fit) ** 2) / (2.0 * (len(near) - 2))
-            if math.sqrt(covariance[0, 0]) <= _MAX_UNCERTAINTY and scatter <= _MAX_SCATTER_TO_NOISE:
-                stated[point], averaged[point] = values[point] * np.exp(fit[0]), len(near)
-                uncertainty[point] = math.sqrt(covariance[0, 0])
+            size, variance, size_scatter = _fit_middle(np.log(relative), ratios.real, weight)
+            phase, _, phase_scatter = _fit_middle(relative - 1.0, ratios.imag, weight)
+            scatter = (size_scatter + phase_scatter) / (2.0 * (len(near) - 2))
+            if math.sqrt(variance) <= _MAX_UNCERTAINTY and scatter <= _MAX_SCATTER_TO_NOISE:
+                stated[point], averaged[point] = values[point] * np.exp(size + 1j * phase), len(near)
+                uncertainty[point] = math.sqrt(variance)
                 break
     return Response(stated, uncertainty, coherence, averaged)
+
+
+def _fit_middle(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[float, float, float]:
+    """Return the value of a weighted straight line at zero, its variance, and the weighted residual."""
+    basis = np.column_stack([np.ones_like(x), x]) * weight[:, None]
+    covariance = np.linalg.inv(basis.T @ basis)
+    fit = covariance @ basis.T @ (weight * y)
+    residual = weight * y - basis @ fit
+    return float(fit[0]), float(covariance[0, 0]), float(residual @ residual)
