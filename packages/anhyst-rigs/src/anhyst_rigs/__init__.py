@@ -27,6 +27,8 @@ if TYPE_CHECKING:  # for type checkers and editors; other commands work too, but
     from anhyst_rigs.study.fleet import Fleet as Fleet
     from anhyst_rigs.study.force_control import ForceControl as ForceControl
     from anhyst_rigs.study.piezo import PiezoTracking as PiezoTracking
+    from anhyst_rigs.study.response.result import FrequencyResponse as FrequencyResponse
+    from anhyst_rigs.study.response.result import read_response as read_response
     from anhyst_rigs.study.tracking.calibrate import Calibration as Calibration
     from anhyst_rigs.study.tracking.excitation import CalibratingMove as CalibratingMove
     from anhyst_rigs.study.tracking.excitation import excite_to_calibrate as excite_to_calibrate
@@ -50,6 +52,7 @@ _MODULES_BY_NAME = {
     "Calibration": "study.tracking.calibrate",
     "Drafted": "draft.drafting",
     "Excitation": "study.excite.excite",
+    "FrequencyResponse": "study.response.result",
     "Fleet": "study.fleet",
     "ForceControl": "study.force_control",
     "MonteCarlo": "study.engine.monte_carlo",
@@ -59,6 +62,7 @@ _MODULES_BY_NAME = {
     "Tuning": "study.tuning.result",
     "excite_to_calibrate": "study.tracking.excitation",
     "linearise": "study.bearing.state_space",
+    "read_response": "study.response.result",
 }
 """Module of each exported name that is not a command."""
 

@@ -242,6 +242,7 @@ class DrivenBench(Bench):
         self.signals, self.commands = bench.signals, bench.commands
         self.demand_range, self.max_load = bench.demand_range, bench.max_load
         self.body = getattr(bench, "body", None)
+        self.injection_port = bench.injection_port
         self.target = bench.demand_range.value
         self._on_refusal = on_refusal
         self._on_event = log
@@ -309,6 +310,10 @@ class DrivenBench(Bench):
             self._check_generator(value, self.generator)
         self._bench.demand(value)
         self.target = value
+
+    def inject(self, signal: FloatArray) -> int:
+        """Add a signal, m, to the position reading; return its first tick."""
+        return self._bench.inject(signal)
 
     def load(self, force: float) -> None:
         """Set the force of the load drive, N."""

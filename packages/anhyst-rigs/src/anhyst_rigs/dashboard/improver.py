@@ -34,6 +34,7 @@ from anhyst_rigs.study.improve import (
     tighten_limits,
 )
 from anhyst_rigs.study.prepared_benches import Improvable, PreparedBoard
+from anhyst_rigs.study.response.measurement import ResponseSeat
 
 WorkFunction = Callable[..., Mapping[str, Any]]
 """Function of a module, called with a :data:`anhyst.support.jobs.Progress` and its arguments."""
@@ -106,7 +107,7 @@ _CANCEL_TIMEOUT_S = 5.0
 """
 
 
-class OperatorSeat(DrivenBoard, Protocol):
+class OperatorSeat(DrivenBoard, ResponseSeat, Protocol):
     """Exclusive access of a measurement to the running controller."""
 
     def cancel(self) -> None:

@@ -41,6 +41,7 @@ class SessionSeat:
         self.ticks_per_row: int = session.bench.ticks_per_row
         self.demand_range: DemandRange = session.bench.demand_range
         self.signals: tuple[Signal, ...] = session.bench.signals
+        self.injection_port = session.bench.injection_port
 
     @property
     def loss_reason(self) -> str:
@@ -75,6 +76,10 @@ class SessionSeat:
     def demand(self, value: float) -> None:
         """Set the demanded force, N."""
         self._session.run_between_chunks(lambda: self._session.bench.demand(value))
+
+    def inject(self, signal: FloatArray) -> int:
+        """Add a signal to the position reading; return its first tick."""
+        return self._session.run_between_chunks(lambda: self._session.bench.inject(signal))
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the settings with their active values."""
@@ -192,6 +197,7 @@ def _execute_command(session: LiveSession, client_name: str, fields: Fields) -> 
     command = commands[name]
     if command in (Command.STOP, Command.LAND):
         session.generate(None)
+        session.meter.cancel()
     session.bench.command(command)
     session.log_change(client_name, name)
     return {}
@@ -307,6 +313,21 @@ def _execute_learn(session: LiveSession, client_name: str, fields: Fields) -> Fi
     return {}
 
 
+def _execute_response(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    """Measure the frequency response, or cancel the measurement."""
+    if fields.get("cancel") is True:
+        session.meter.cancel()
+        session.log_change(client_name, "measurement of the frequency response cancelled")
+        return {}
+    if reason := session.response_refusal:
+        raise InputError(f"response: {reason}", code="not-held", key="response")
+    motion = read_finite_number(fields, "motion")
+    session.generate(None)
+    session.meter.measure(motion, lambda: SessionSeat(session))
+    session.log_change(client_name, f"frequency response with a motion up to {1e6 * motion:g} um")
+    return {}
+
+
 def _execute_derive(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     """Define a derived signal, or delete it if its expression is missing."""
     name, expression = str(fields.get("name")), fields.get("expression")
@@ -344,6 +365,7 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "record": _execute_record,
     "improve": perform_improvement_step,
     "learn": _execute_learn,
+    "response": _execute_response,
     "derive": _execute_derive,
 }
 

@@ -28,9 +28,11 @@ from anhyst_rigs.dashboard.derived import DerivedSignal
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, WAVE_SHAPES
 from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameters, perform
 from anhyst_rigs.dashboard.recording import BUFFER_S, column_header
+from anhyst_rigs.dashboard.response import describe_response
 from anhyst_rigs.dashboard.session import WATCH_ONLY_REASON, LiveSession, refuse_all_orders
 from anhyst_rigs.rig.bench.protocol import Parameter, Signal
 from anhyst_rigs.study.improve import DrawnLoop
+from anhyst_rigs.study.response.result import FrequencyResponse
 
 CONTROL_REQUEST_TIMEOUT_S = 10.0
 """Time limit of an operator's answer to a request for control, s; then the request is granted."""
@@ -98,6 +100,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "frequencies": [LOWEST_HZ, HIGHEST_HZ],
         "folder": str(session.recorder.folder.resolve()),
         "kept": BUFFER_S,
+        "response": None if bench.injection_port is None else {"max_motion": bench.injection_port.max_motion},
         "learns": None if session.learner is None else session.learner.unit,
         "limits": None if session.improver is None else session.improver.limits(),
         "loops": describe_loops(session),
@@ -152,6 +155,7 @@ class Client:
         self.parameters: tuple[Parameter, ...] = ()
         self.curves: tuple[DrawnLoop, ...] = ()
         self.results: Mapping[str, Any] = {}
+        self.response: FrequencyResponse | None = None
         self.derived: tuple[DerivedSignal, ...] = ()
         self._answers: deque[Mapping[str, Any]] = deque(maxlen=_MAX_QUEUED_ANSWERS)
 
@@ -269,6 +273,9 @@ class LiveServer:
             await client.send_message(
                 {"kind": "learnt", "laps": [lap_result._asdict() for lap_result in laps]}
             )
+        if client.response is not self.session.meter.result:
+            client.response = self.session.meter.result
+            await client.send_message(describe_response(client.response))
         improver = self.session.improver
         if improver is not None and client.results is not improver.results:
             client.results = improver.results

@@ -22,6 +22,7 @@ from anhyst_rigs.dashboard.derived import DerivedSignals
 from anhyst_rigs.dashboard.generator import DrivenBench, Wave
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import RecordingFile, RecordingSpan, TickRecorder
+from anhyst_rigs.dashboard.response import ResponseMeter
 from anhyst_rigs.dashboard.sets import ParameterSets
 from anhyst_rigs.rig.bench.force import demand_refusal
 from anhyst_rigs.rig.bench.pace import PacedBench, raised_priority
@@ -41,7 +42,7 @@ WATCH_ONLY_REASON = "another browser operates; ask to take over"
 _MOVING_ORDERS = ("target", "generator", "apply")
 """Orders that can move the controlled body, in addition to the commands of the controller."""
 
-_OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "sets", "derive")
+_OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "response", "sets", "derive")
 
 
 def disturbs_measurement(order: str) -> bool:
@@ -115,6 +116,7 @@ class LiveSession:
         )
         self.curves = tuple(curves)
         self.improver = improver
+        self.meter = ResponseMeter(bench.injection_port)
         self.monitored_model: BenchMonitor | None = None
         self._stop_monitoring: Callable[[], None] = lambda: None
         self.log: deque[LogEntry] = deque(maxlen=_MAX_LOG_ENTRIES)
@@ -156,6 +158,7 @@ class LiveSession:
         self._closed = True
         if self.improver is not None:
             self.improver.close()
+        self.meter.cancel(wait=True)
         self.pacer.close()
         for thread in self._threads:
             thread.join()
@@ -164,8 +167,13 @@ class LiveSession:
     @property
     def driven_reason(self) -> str:
         """Why the controller must not be moved; empty unless a measurement drives it."""
-        driven = self.improver is not None and self.improver.is_driving
+        driven = self.meter.is_driving or (self.improver is not None and self.improver.is_driving)
         return "a measurement drives the controller; wait, cancel it, or stop" if driven else ""
+
+    @property
+    def response_refusal(self) -> str:
+        """Why the frequency response cannot be measured now; empty if it can."""
+        return self.driven_reason or self.meter.refusal_reason(self._values)
 
     @property
     def end_reason(self) -> str:
@@ -207,6 +215,7 @@ class LiveSession:
             self.bench.command(Command.STOP)
         finally:
             self.generate(None)
+            self.meter.cancel()
             self.pacer.resume()
 
     def generate(self, generator: Wave | None) -> None:
@@ -234,6 +243,8 @@ class LiveSession:
         pacing, generator = self.pacer.pacing(), self.bench.generator
         controller_state = controller_status(self._values) if self._values else None
         refusals = find_refusals(self.bench, controller_state, self.end_reason, self.driven_reason)
+        if reason := self.response_refusal:
+            refusals = {"response": reason, **refusals}
         return {
             "tick": pacing.tick,
             "speed": pacing.speed,
@@ -255,6 +266,7 @@ class LiveSession:
             "lost": self.bench.loss_reason,
             "ended": self.end_reason,
             "improve": None if self.improver is None else self.improver.status(),
+            "response": self.meter.status(),
             "learn": None if self.learner is None else self.learner.status(),
             "watch": None if self.monitored_model is None else self.monitored_model.status(),
         }

@@ -23,6 +23,7 @@ BEARING = RigKind(
     },
     options={
         "simulate": ("--controller", "--board"),
+        "excite": ("--response",),
         "live": ("--controller",),
         "calibrate": ("--controller",),
         "tune": ("--controller", "--overshoot", "--settling", "--standstill", "--effort"),

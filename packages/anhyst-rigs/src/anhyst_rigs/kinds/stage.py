@@ -23,7 +23,7 @@ STAGE = RigKind(
         "compile_controller": "anhyst_rigs.study.tracking.compiled:compile_stage",
     },
     options={
-        "excite": ("--calibrate",),
+        "excite": ("--calibrate", "--response"),
         "tune": (*("--average", "--crossover", "--error", "--settling", "--standstill", "--effort"),),
     },
     reasons={"force-control": "its body moves, and force control needs a fixed armature"},

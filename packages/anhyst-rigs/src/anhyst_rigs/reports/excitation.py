@@ -1,4 +1,4 @@
-"""Draw a loop measurement: the drive against time, and the measured loops."""
+"""Draw a loop measurement: the drive against time, and the measured loops; or a frequency response."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from anhyst_rigs.study.excite.excite import Excitation
+    from anhyst_rigs.study.response.result import FrequencyResponse
 
 _MAX_LINE_POINTS = 20_000
 """Maximum number of points of a line."""
@@ -35,4 +36,39 @@ def figure_excitation(excitation: Excitation) -> Figure:
         warmth_ax.set_ylim(0.0, 105.0)
     excitation.loops.plot(loop_ax)
     loop_ax.set_title("measured", loc="left", fontsize="medium")
+    return figure
+
+
+def figure_response(response: FrequencyResponse) -> Figure:
+    """Draw magnitude, phase and coherence of closed loop, sensitivity and plant."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 8.0), layout="constrained")
+    magnitude_ax, plant_ax, phase_ax, coherence_ax = figure.subplots(4, 1, sharex=True)
+    columns = response.to_columns()
+    for name, one in response.responses.items():
+        line = {
+            "color": f"C{list(response.responses).index(name)}",
+            "lw": 1.0,
+            "label": name.replace("_", " "),
+        }
+        ax = plant_ax if name == "plant" else magnitude_ax
+        ax.semilogx(response.frequency, 20.0 * np.log10(np.abs(one.values)), **line)
+        phase_ax.semilogx(response.frequency, columns[f"{name}_deg"], **line)
+        coherence_ax.semilogx(response.frequency, one.coherence, **line)
+    for ax, text in (
+        (magnitude_ax, "magnitude [dB]"),
+        (plant_ax, f"plant [dB, {response.plant_unit}]"),
+        (phase_ax, "phase [degrees]"),
+        (coherence_ax, "coherence"),
+    ):
+        ax.set_ylabel(text)
+        ax.grid(alpha=0.3)
+    coherence_ax.set_xlabel("frequency [Hz]")
+    phase_ax.legend(frameon=False, fontsize="small")
+    magnitude_ax.set_title(
+        f"sensitivity peak {response.margins.peak:.2f}: zone {response.zone} of ISO 14839-3",
+        loc="left",
+        fontsize="medium",
+    )
     return figure

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
     from anhyst_rigs.study.excite.excite import Excitation
+    from anhyst_rigs.study.response.result import FrequencyResponse
     from anhyst_rigs.study.tracking.excitation import CalibratingMove
 
 PLACE = 36, "Rigs, simulated and real"
@@ -22,6 +23,7 @@ def excite(
     out: PathLike,
     *,
     calibrate: Literal[False] = False,
+    response: Literal[False] = False,
     voltage: bool = False,
     plot: PathLike | None = None,
     folder: PathLike | None = None,
@@ -37,18 +39,32 @@ def excite(
 ) -> CalibratingMove: ...
 
 
+@overload
+def excite(
+    rig: PathLike,
+    out: PathLike,
+    *,
+    response: Literal[True],
+    motion: float | None = None,
+    plot: PathLike | None = None,
+    progress: Progress | None = None,
+) -> FrequencyResponse: ...
+
+
 def excite(
     rig: PathLike,
     out: PathLike,
     *,
     calibrate: bool = False,
+    response: bool = False,
+    motion: float | None = None,
     voltage: bool = False,
     plot: PathLike | None = None,
     folder: PathLike | None = None,
     xcp: str | None = None,
     port: str | None = None,
     progress: Progress | None = None,
-) -> Excitation | CalibratingMove:
+) -> Excitation | CalibratingMove | FrequencyResponse:
     """Measure loops on a rig: design a drive within its limits, apply it and record the loops.
 
     The armature is fixed at every gap. The drive consists of nested major loops, first-order
@@ -69,6 +85,12 @@ def excite(
     calibrate : bool
         Instead, run the shortest motion of a stage that reveals the errors of its magnets. FILE is
         then the recording for anhyst calibrate.
+    response : bool
+        Instead, levitate the body of a bearing or a stage, and measure closed loop, sensitivity and
+        plant with a multi-sine: 200 points from 1 Hz to 5 kHz in 18 s of rig time. FILE is then the
+        frequency response.
+    motion : float, ``METRES``, optional
+        With `response`: largest motion of the body. [default: a hundredth of the gap]
     voltage : bool
         Measure the voltage of the coil instead of the force, at four gaps. The flux linkage follows
         from it, and the force from the flux linkage.
@@ -85,8 +107,9 @@ def excite(
 
     Returns
     -------
-    Excitation or CalibratingMove
-        The loops, the largest drive at each gap, and the limit that set it; or the motion.
+    Excitation, CalibratingMove or FrequencyResponse
+        The loops, the largest drive at each gap, and the limit that set it; or the motion; or the
+        frequency response.
 
     Raises
     ------
@@ -100,24 +123,41 @@ def excite(
     anhyst excite examples/solenoid/rig.toml --voltage --out coil.csv
 
     anhyst excite --calibrate examples/stage/rig.toml --out run.csv
+
+    anhyst excite --response examples/bearing/rig.toml --out response.csv
     """
     from anhyst.support.atomic import check_path, check_picture, write_figure
     from anhyst.support.errors import InputError
-    from anhyst_rigs.reports.excitation import figure_excitation
+    from anhyst_rigs.reports.excitation import figure_excitation, figure_response
     from anhyst_rigs.study.bench import controller_url, measure_through_board
     from anhyst_rigs.study.excite.excite import excite as work
     from anhyst_rigs.study.excite.voltage import measure_voltage
+    from anhyst_rigs.study.response.virtual import excite_loop
     from anhyst_rigs.study.tracking.excitation import excite_to_calibrate
 
+    if calibrate or response:
+        option = "--calibrate" if calibrate else "--response"
+        if folder or xcp or port or voltage or (calibrate and response):
+            text = f"{option}: uses the simulated rig alone; omit --folder, --xcp, --port, --voltage"
+            raise InputError(
+                f"{text} and {'--response' if calibrate else '--calibrate'}",
+                code="option-not-for-this",
+                key=option,
+            )
+    if motion is not None and not response:
+        text = "--motion: limits the motion of --response; add it, or omit --motion"
+        raise InputError(text, code="options-missing", key="--motion")
     if calibrate:
-        if folder or xcp or port or voltage:
-            text = "--calibrate: uses the simulated stage; omit --folder, --xcp, --port and --voltage"
-            raise InputError(text, code="option-not-for-this", key="--calibrate")
         return excite_to_calibrate(rig, out, plot=plot)
     check_path(rig, "excite: rig", "the path of a rig file")
     check_path(out, "excite: out")
     if plot is not None:
         check_picture(plot)
+    if response:
+        measured = excite_loop(rig, out, motion, progress)
+        if plot is not None:
+            write_figure(figure_response(measured), plot)
+        return measured
     url = controller_url(xcp, port)
     if (url is None) is not (folder is None):
         text = "--folder: needs --xcp or --port, and these need --folder"
@@ -132,21 +172,27 @@ def excite(
     return excitation
 
 
-def warnings(result: Excitation | CalibratingMove) -> list[str]:
+def warnings(result: Excitation | CalibratingMove | FrequencyResponse) -> list[str]:
     """Return the warning that ``calibrate`` would reject the recording."""
     rejection = getattr(result, "rejection", None)
     return [] if rejection is None else [rejection]
 
 
-def show(result: Excitation | CalibratingMove, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the terminal output: the drives or the effect of the motion, and the files written."""
+def show(
+    result: Excitation | CalibratingMove | FrequencyResponse, arguments: Mapping[str, Any]
+) -> Iterator[OutputPart]:
+    """Return the terminal output: drives, effect of the motion or response, and the files written."""
     from anhyst_rigs.study.excite.excite import Excitation
+    from anhyst_rigs.study.response.result import FrequencyResponse
 
     if isinstance(result, Excitation):
         yield from _show_excitation(result)
         written = [arguments["out"], arguments["out"].with_suffix(".toml"), arguments["plot"]]
     else:
-        yield from _show_move(result)
+        if isinstance(result, FrequencyResponse):
+            yield from (f"{name}: {text}" for name, text in result.facts().items())
+        else:
+            yield from _show_move(result)
         written = [arguments["out"], arguments["plot"]]
     yield from (f"written: {path}" for path in written if path is not None)
 

@@ -5,7 +5,7 @@ import { ink } from "./colours.js";
 const MARGIN = { left: 62, right: 24, top: 12, bottom: 40 };
 
 export class Plane {
-  // `log`: the values are logarithms, and the axes are labelled in decades.
+  // `log`: the values are logarithms, and both axes are labelled in decades; "x": only those of the x axis.
   constructor(place, xLabel, yLabel, log = false) {
     this.log = log;
     this.canvas = document.createElement("canvas");
@@ -104,19 +104,19 @@ export class Plane {
     context.lineWidth = 1;
     context.beginPath();
     context.textAlign = "center";
-    const steps = this.log ? decades : marks;
-    const text = (value) => label(this.log ? 10 ** value : value);
-    for (const value of steps(left, right)) {
+    const steps = (axis) => (this.log === true || this.log === axis ? decades : marks);
+    const text = (value, axis) => label(steps(axis) === decades ? 10 ** value : value);
+    for (const value of steps("x")(left, right)) {
       context.moveTo(this.x(value), MARGIN.top);
       context.lineTo(this.x(value), height - MARGIN.bottom);
-      context.fillText(text(value), this.x(value), height - MARGIN.bottom + 16);
+      context.fillText(text(value, "x"), this.x(value), height - MARGIN.bottom + 16);
     }
     context.fillText(this.labels[0], (MARGIN.left + width) / 2, height - 6);
     context.textAlign = "right";
-    for (const value of steps(low, high)) {
+    for (const value of steps("y")(low, high)) {
       context.moveTo(MARGIN.left, this.y(value));
       context.lineTo(width - MARGIN.right, this.y(value));
-      context.fillText(text(value), MARGIN.left - 6, this.y(value) + 4);
+      context.fillText(text(value, "y"), MARGIN.left - 6, this.y(value) + 4);
     }
     context.stroke();
     context.save();

@@ -1,5 +1,6 @@
 // Connects the link, the views and the controls.
 
+import "./bode.js";
 import { BodyView } from "./body.js";
 import { NAME as COMPENSATION } from "./compensation.js";
 import { Desks } from "./desks.js";
@@ -43,6 +44,7 @@ link.addEventListener("signals", (event) => page && adopt(event.detail.signals))
 link.addEventListener("parameters", (event) => page?.parameters.take(event.detail.parameters, event.detail.applied));
 link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
 link.addEventListener("learnt", (event) => (page?.learning ?? page?.improve)?.learnt(event.detail.laps));
+link.addEventListener("response", (event) => page && (page.bench.measured = event.detail.result));
 link.addEventListener("loops", (event) => page?.loop.know(event.detail.loops));
 link.addEventListener("lost", (event) => lost(event.detail));
 

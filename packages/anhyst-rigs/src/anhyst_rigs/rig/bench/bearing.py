@@ -17,12 +17,19 @@ from anhyst._core import POSITION_MAGNETS, BusController, Plant
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray, sine
-from anhyst.support.states import Command, Fault, State
+from anhyst.support.states import Command, Fault, Flag, Phase, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
 from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, Exchange, LibraryBoard, Reading
 from anhyst_rigs.link.wire import LinkPort
 from anhyst_rigs.rig.bearing.loop import BearingSetup
+from anhyst_rigs.rig.bench.injection import (
+    CURRENT_TO_MAX_CURRENT,
+    MOTION_TO_GAP,
+    InjectedSignal,
+    InjectionPort,
+    SignalLimit,
+)
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst_rigs.rig.bench.protocol import (
     BEARING_COMMANDS,
@@ -160,6 +167,37 @@ class BusTap:
         ctypes.memmove(drive, answer, len(answer))
 
 
+_VOLTAGE_TO_SUPPLY = 0.6
+"""Largest change of the voltage by this signal, relative to the supply voltage."""
+_STEP_TO_MAX_STEP = 0.5
+"""Largest step of an injected signal, relative to the largest plausible step of the position."""
+_LIMITED = Flag.DEMAND_LIMITED | Flag.CURRENT_LIMITED | Flag.FLUX_LIMITED | Flag.SAMPLE_IMPLAUSIBLE
+
+
+def make_injection_port(setup: BearingSetup) -> InjectionPort:
+    """Return the port of a bearing; the input of its plant is the current reference."""
+    settings, limits = setup.rig.settings, setup.controller.limits
+    body, supply = settings.body, settings.amplifier.supply
+    is_pair = len(settings.body_magnets) == 2
+    return InjectionPort(
+        reading={"gap_read": -1.0},
+        plant_input={"command": 0.5, "command_2": -0.5} if is_pair else {"command": 1.0},
+        input_unit="A",
+        max_motion=MOTION_TO_GAP * settings.gap_m,
+        max_changes={
+            "command": CURRENT_TO_MAX_CURRENT * limits.current_high_A,
+            "voltage": _VOLTAGE_TO_SUPPLY * supply,
+        },
+        max_step=_STEP_TO_MAX_STEP * limits.step_m,
+        held_values={"state": State.RUN, "phase": Phase.HOVER, "fault": Fault.NONE},
+        limits=(
+            SignalLimit("gap", body.stop_low_m, body.stop_high_m, "the armature touched an end stop"),
+            SignalLimit("voltage", -supply, supply, "the amplifier reached its supply voltage"),
+        ),
+        forbidden_flags=_LIMITED,
+    )
+
+
 class _NoPlant:
     """Placeholder for the plant of a board's bus; the closed loop simulates the plant instead."""
 
@@ -193,6 +231,8 @@ class BearingBench(LockStepBench):
         limits, gap = setup.controller.limits, rig.settings.gap_m
         self.demand_range = DemandRange("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
         self.max_load, self.rest_load = limits.force_high_N, rig.settings.load.force_N
+        self._injected = InjectedSignal()
+        self.injection_port = make_injection_port(setup)
         self._target_code: int | None = None
         self._resources = ExitStack()
         try:
@@ -223,7 +263,8 @@ class BearingBench(LockStepBench):
     def advance(self, ticks: int) -> FloatArray:
         """Simulate some ticks and return their rows."""
         load = self.load_drive.forces(self.tick + 1, ticks)
-        return self._run_with_heartbeat(Scenario(np.zeros(ticks), load))
+        # The reading is a gap, and the injected signal a position, which reduces the gap.
+        return self._run_with_heartbeat(Scenario(np.zeros(ticks), load, -self._injected.take(ticks)))
 
     def step(self) -> dict[str, float]:
         """Advance by one tick and return its signals, keyed by their names."""
@@ -290,6 +331,8 @@ class BearingBench(LockStepBench):
 
     def command(self, command: Command) -> None:
         """Send a command over the link."""
+        if command is Command.STOP:
+            self._injected.start(np.zeros(0))
         self.link.command(command)
         self._heartbeat.restart()
 
@@ -301,6 +344,11 @@ class BearingBench(LockStepBench):
             self.link.request(TargetRequest(code), StatusAnswer)
             self._target_code = code
             self._heartbeat.restart()
+
+    def inject(self, signal: FloatArray) -> int:
+        """Add a signal, m, to the position reading; return its first tick."""
+        self._injected.start(signal)
+        return self.tick + 1
 
     def load(self, force: float) -> None:
         """Command a force of the load drive, N; positive opens the gap."""

@@ -16,6 +16,7 @@ from anhyst._core import obstacle
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Flag, Phase, State
+from anhyst_rigs.rig.bench.injection import InjectionPort
 from anhyst_rigs.rig.recording import column_name
 from anhyst_rigs.rig.stage.recording import WRENCH_UNITS
 
@@ -155,6 +156,7 @@ class Bench(ABC):
     has_own_clock = False  # whether the controller has its own clock, which gives the ticks
     ticks_per_row = 1  # number of ticks from one row to the next
     loss_reason = ""  # why the controller is lost and searched for; empty while it responds
+    injection_port: InjectionPort | None = None  # None: no signal can be added to the position reading
 
     @property
     @abstractmethod
@@ -179,6 +181,15 @@ class Bench(ABC):
     @abstractmethod
     def demand(self, value: float) -> None:
         """Demand the gap of a bearing, m, or the force of a magnet, N, from the next tick on."""
+
+    def inject(self, signal: FloatArray) -> int:
+        """Add a signal, m, to the position reading; return its first tick. STOP ends the signal."""
+        raise InputError(
+            "frequency response: this rig cannot add a signal to its position reading; use a virtual "
+            "bearing or stage",
+            code="not-for-this-kind",
+            key="response",
+        )
 
     @abstractmethod
     def load(self, force: float) -> None:

@@ -8,6 +8,7 @@ filters never change while force is demanded.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,6 +22,12 @@ from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.rig.bench.body import body_layout, magnet_pulls, resting_values
+from anhyst_rigs.rig.bench.injection import (
+    CURRENT_TO_MAX_CURRENT,
+    MOTION_TO_GAP,
+    InjectedSignal,
+    InjectionPort,
+)
 from anhyst_rigs.rig.bench.laps import CycleBench
 from anhyst_rigs.rig.bench.protocol import (
     SCAN_SIGNALS,
@@ -151,6 +158,8 @@ class StageBench(CycleBench):
         # A step of the target by this offset immediately demands the largest force.
         max_offset = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
         self.demand_range = DemandRange("position", "reference", "m", -max_offset, max_offset, 0.0)
+        self._injected = InjectedSignal()
+        self.injection_port = self._make_injection_port()
         self.setups = tuple(setups)  # setups without corrections, as read from the files
         self._setups, self._gains = list(setups), list(gains)
         self._values = {
@@ -176,6 +185,23 @@ class StageBench(CycleBench):
     @property
     def _setup(self) -> StageSetup:
         return self._setups[int(self._values["compensation"])]
+
+    def _make_injection_port(self) -> InjectionPort:
+        """Return the port along the set-point; the input of its plant is the demanded force."""
+        file = self.rig.settings
+        components = zip(file.body.free, scan_direction(file), strict=True)
+        max_change = CURRENT_TO_MAX_CURRENT * file.amplifier.current_high_A
+        commands = [column_name("command", "", number) for number in range(1, self._magnets + 1)]
+        return InjectionPort(
+            reading={f"pose_read_{axis}": float(part) for axis, part in components if part},
+            plant_input={"demand": 1.0},
+            input_unit="N",
+            max_motion=MOTION_TO_GAP * file.gap_m,
+            max_changes=dict.fromkeys(commands, max_change),
+            max_step=math.inf,
+            held_values={"state": State.READY, "flight": Phase.HOVER, "fault": Fault.NONE},
+            limits=(),
+        )
 
     def _set_motion(self, acceleration_factor: float) -> None:
         """Multiply the accelerations of the rig file by a factor; the set-point ends at rest."""
@@ -350,8 +376,9 @@ class StageBench(CycleBench):
         wrench = feedforward_wrench(self._setup.assumed_rig, feedforward) + list(self._pushes.values())
         scenario = scan_scenario(rig, positions, stroke_error, wrench + self._integral_wrench, self._offset)
         scenario.command[0], self._next_command = self._next_command, Command.NONE
+        inject = np.outer(self._injected.take(len(wrench)), scan_direction(rig.settings))
         load = self._load - self._cable_stiffness * positions[:-1]
-        run = self._loop.run(replace(scenario, load=load))
+        run = self._loop.run(replace(scenario, load=load, inject=inject))
         # A body that is not held may touch a stop.
         is_held = self._state is not State.IDLE and not self._is_lifting_or_landing
         loss = find_stage_loss(rig, run, len(wrench)) if is_held else None
@@ -401,6 +428,8 @@ class StageBench(CycleBench):
         In any state, the command STOP brakes immediately, and the body is then held. A body that is
         being lifted is landed again.
         """
+        if command is Command.STOP:
+            self._injected.start(np.zeros(0))
         if command is Command.STOP and self._is_lifting_or_landing:
             self._next_command = Command.LAND
         elif command is Command.STOP:
@@ -442,6 +471,11 @@ class StageBench(CycleBench):
         """Demand an offset, m, from the set-point."""
         self.demand_range.check(value)
         self._offset = value
+
+    def inject(self, signal: FloatArray) -> int:
+        """Add a signal, m, to the position reading along the set-point; return its first tick."""
+        self._injected.start(signal)
+        return self.tick + 1
 
     def load(self, force: float) -> None:
         """Push the body towards larger positions by a force, N, which the controller does not know."""

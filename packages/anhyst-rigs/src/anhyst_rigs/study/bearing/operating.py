@@ -157,10 +157,7 @@ def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> li
     not cancel the negative stiffness. Every other compensator is assumed to use the static slopes.
     """
     rig = setup.rig
-    timing, amplifier = rig.settings.timing, rig.settings.amplifier
-    sensor = rig.settings.gap_sensor
     magnet_count = float(len(rig.settings.body_magnets))
-    delay_ticks = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
     drive_constants = setup.compensator.parameters.constants
     k_i, k_s = operating_point.bearing.k_i, operating_point.bearing.k_s
     if has_constant_gains(setup):
@@ -168,14 +165,25 @@ def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> li
         k_s = magnet_count * drive_constants.get("k_s_N_per_m", 0.0)
     return linear.LinearLoop(
         bearing=operating_point.bearing,
-        amplifier=_make_amplifier(rig, magnet_count),
-        timing=linear.LoopTiming(timing.rate_Hz, delay_ticks, sensor.bandwidth_Hz),
+        amplifier=make_amplifier(rig),
+        timing=make_timing(rig),
         controller=setup.controller.pidd2(),
         compensation=linear.Compensation(k_i, k_s),
     )
 
 
-def _make_amplifier(rig: BodyRig, magnet_count: float) -> linear.AnalogueAmplifier | linear.DigitalAmplifier:
+def make_timing(rig: BodyRig) -> linear.LoopTiming:
+    """Return rate, delay and sensor bandwidth of a rig's loop."""
+    timing, sensor = rig.settings.timing, rig.settings.gap_sensor
+    delay_s = rig.settings.amplifier.delay_s + sensor.delay_s
+    return linear.LoopTiming(
+        timing.rate_Hz, timing.delay_ticks + delay_s * timing.rate_Hz, sensor.bandwidth_Hz
+    )
+
+
+def make_amplifier(rig: BodyRig) -> linear.AnalogueAmplifier | linear.DigitalAmplifier:
+    """Return the amplifier of a rig; that of a pair counts as one for both windings in series."""
+    magnet_count = float(len(rig.settings.body_magnets))
     gain, integral_gain = (magnet_count * gain_ for gain_ in current_controller_gains(rig))
     if rig.settings.amplifier.mode == "current":
         return linear.AnalogueAmplifier(gain, integral_gain)

@@ -15,13 +15,13 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.from_loops import complete_rig
-from anhyst_rigs.study.bearing.linear import LinearBearing, voltage_matrices
-from anhyst_rigs.study.bearing.operating import find_operating_point
+from anhyst_rigs.study.bearing.linear import LinearBearing, discretise, voltage_matrices
+from anhyst_rigs.study.bearing.operating import find_operating_point, make_amplifier, make_timing
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-Drive = Literal["current", "voltage"]
+Drive = Literal["current", "voltage", "reference"]
 
 
 def linearise(
@@ -45,14 +45,16 @@ def linearise(
         rig file.
     drive : str
         ``"current"``: the flux follows the current immediately; ``"voltage"``: winding and eddy currents
-        are included.
+        are included; ``"reference"``: amplifier, delay and position sensor are included too, sampled at
+        the control rate, as :func:`anhyst_rigs.excite` measures with `response`.
 
     Returns
     -------
     control.StateSpace
         Continuous, with named signals: inputs ``current`` (A) or ``voltage`` (V), both relative to
         the operating point, and ``load`` (N, opens the gap); outputs ``position`` (m, closes the gap),
-        ``force`` (N) and, with a voltage drive, ``current`` (A).
+        ``force`` (N) and, with a voltage drive, ``current`` (A). With ``"reference"``: discrete, from
+        ``current`` (A), the current reference, to ``position`` (m), the position reading.
 
     Raises
     ------
@@ -67,6 +69,11 @@ def linearise(
     if bearing_rig.settings.magnet.has_iron_from_loops:
         bearing_rig = complete_rig(bearing_rig, bearing_rig.measured_loops.read())
     bearing_model = find_operating_point(bearing_rig).bearing
+    if drive == "reference":
+        a, b, c = discretise(bearing_model, make_amplifier(bearing_rig), make_timing(bearing_rig))
+        signals = {"inputs": ["current"], "outputs": ["position"]}
+        column, row = b[:, None], c[None, :]
+        return library.StateSpace(a, column, row, np.zeros((1, 1)), bearing_rig.dt, name="bearing", **signals)
     a, b, c, d = (
         _current_driven_matrices(bearing_model)
         if drive == "current"

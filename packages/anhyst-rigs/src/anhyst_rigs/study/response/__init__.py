@@ -1,0 +1,1 @@
+"""Measure the frequency response of a position loop while it runs."""
