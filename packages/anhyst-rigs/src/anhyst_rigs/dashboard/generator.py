@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -234,12 +234,9 @@ class DrivenBench(Bench):
     """A bench that adds a generator to another bench, and stores the target and the load."""
 
     def __init__(self, bench: Bench, on_refusal: Callable[[str], None], log: Callable[[str], None]) -> None:
-        self.rate, self.ticks_per_row, self.has_own_clock = (
-            bench.rate,
-            bench.ticks_per_row,
-            bench.has_own_clock,
-        )
-        self.signals, self.commands = bench.signals, bench.commands
+        self._bench = bench
+        self._copy_attributes()
+        self.commands, self.has_own_clock = bench.commands, bench.has_own_clock
         self.demand_range, self.max_load = bench.demand_range, bench.max_load
         self.body = getattr(bench, "body", None)
         self.target = bench.demand_range.value
@@ -247,8 +244,24 @@ class DrivenBench(Bench):
         self._on_event = log
         self.load_N: float | None = None
         self.generator: Wave | None = None  # signal that the bench adds to the target
-        self._bench = bench
+
+    def _copy_attributes(self) -> None:
+        """Copy the attributes that a choice of signals changes."""
+        bench = self._bench
+        self.rate, self.ticks_per_row, self.signals = bench.rate, bench.ticks_per_row, bench.signals
+        self.catalogue = bench.catalogue
         self._chunk_ticks = max(1, round(_CHUNK_S * bench.rate))
+
+    def search(self, text: str, max_count: int) -> list[Mapping[str, object]]:
+        """Return descriptions of variables that can be chosen."""
+        return self._bench.search(text, max_count)
+
+    def choose(self, signals: Sequence[str], parameters: Sequence[str], event: int | None) -> None:
+        """Choose other signals and parameters."""
+        try:
+            self._bench.choose(signals, parameters, event)
+        finally:
+            self._copy_attributes()
 
     @property
     def tick(self) -> int:
@@ -269,7 +282,7 @@ class DrivenBench(Bench):
                 self.target = self._bench.demand_range.value
                 self._on_event(message)
             self.loss_reason = self._bench.loss_reason
-            if self.loss_reason:
+            if self.loss_reason or not len(chunks[-1]):
                 break
         return np.concatenate(chunks)
 
