@@ -2,10 +2,9 @@
 
    Usage: slave [name=value ...], with the names of `options` below. The slave prints the address of
    each of its variables, then its port, and serves one master after the other on 127.0.0.1. With
-   tty=PATH, it uses a serial port with HEADER_LEN_CTR_WORD and CHECKSUM_WORD instead. */
+   tty=NUMBER, it uses an open file, the end of a serial port, with HEADER_LEN_CTR_WORD and CHECKSUM_WORD instead. */
 
 #include <arpa/inet.h>
-#include <fcntl.h>
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <stdint.h>
@@ -105,7 +104,6 @@ static struct {
     {"lose_sample", 0},  /* every n-th packet of samples is not sent */
     {"cut_answer", 0},   /* answers to SHORT_UPLOAD lack their last byte */
     {"cut_sample", 0},   /* packets of samples lack their last byte */
-    {"mute_after", 0},   /* no answer after this number of commands */
     {"busy", 0},         /* the first answer to each n-th command is ERR_CMD_BUSY */
     {"pending", 0},      /* EV_CMD_PENDING for 1.5 s before the answer to BUILD_CHECKSUM or DOWNLOAD */
 };
@@ -364,9 +362,25 @@ static void happen(unsigned event, uint32_t stamp)
   }
 }
 
-static unsigned usable_bytes(unsigned odt)
+/* The bytes for values in an ODT; the time stamp counts once the mode of the list is known. */
+static unsigned usable_bytes(const struct list *list, unsigned odt)
 {
-  return (unsigned)(option("dto") - option("identifier") - (odt == 0 ? option("stamp") : 0));
+  int has_stamp = list->has_stamp || option("stamp_fixed");
+  return (unsigned)(option("dto") - option("identifier") - (odt == 0 && has_stamp ? option("stamp") : 0));
+}
+
+static int fits(const struct list *list)
+{
+  for (unsigned odt = 0; odt < list->odts; odt++) {
+    unsigned used = 0;
+    for (unsigned n = 0; n < list->entries[odt]; n++) {
+      used += list->entry[odt][n].size;
+    }
+    if (used > usable_bytes(list, odt)) {
+      return 0;
+    }
+  }
+  return 1;
 }
 
 static uint8_t write_entry(unsigned size, unsigned extension, uint64_t address)
@@ -390,7 +404,7 @@ static uint8_t write_entry(unsigned size, unsigned extension, uint64_t address)
       return 0x2A;
     }
   }
-  if (used + size > usable_bytes(pointer_odt)) {
+  if (used + size > usable_bytes(list, pointer_odt)) {
     return 0x2A;
   }
   list->entry[pointer_odt][pointer_entry].size = (uint8_t)size;
@@ -505,8 +519,8 @@ static uint8_t daq_command(const uint8_t *c, unsigned size)
     lists[number].prescaler = c[6];
     break;
   case 0xDE: /* START_STOP_DAQ_LIST */
-    if (number >= LISTS) {
-      return 0x22;
+    if (number >= LISTS || !fits(&lists[number])) {
+      return number >= LISTS ? 0x22 : 0x2A;
     }
     lists[number].running = c[1] == 1;
     lists[number].selected = c[1] == 2;
@@ -671,9 +685,6 @@ static void receive(const uint8_t *packet, unsigned size)
   uint8_t padded[65536] = {0};
   static int was_busy;
   commands++;
-  if (option("mute_after") && commands > (unsigned long)option("mute_after")) {
-    return;
-  }
   if (option("busy") && commands % option("busy") == 0 && !was_busy) {
     was_busy = 1;
     refuse(0x10);
@@ -756,7 +767,7 @@ int main(int argc, char **argv)
   }
   if (tty != NULL) {
     is_serial = 1;
-    line = open(tty, O_RDWR | O_NOCTTY);
+    line = atoi(tty);
     printf("port 0\n");
     fflush(stdout);
     serve();

@@ -64,7 +64,7 @@ def read_elf(path: Path) -> Description:
                 raise InputError(
                     f"{path}: is an object file without addresses; choose the linked program", code="no-data"
                 )
-            if not elf.has_dwarf_info():
+            if not elf.has_dwarf_info(strict=True):
                 raise InputError(
                     f"{path}: has no debug information (DWARF); compile it with -g, and do not strip it",
                     code="no-data",
@@ -145,8 +145,9 @@ class _ElfReader:
             raise _OmittedError("an address of more than 32 bits")
         if "DW_AT_type" not in die.attributes:
             raise _OmittedError("no type")
-        is_writable = self._is_writable(address)
-        for member in self._type_members(die.get_DIE_from_attribute("DW_AT_type")):
+        whole_type = die.get_DIE_from_attribute("DW_AT_type")
+        is_writable = self._is_in_writable_section(address) and not _is_constant(whole_type)
+        for member in self._type_members(whole_type):
             yield Variable(
                 f"{name}{member.suffix}",
                 address + member.offset,
@@ -164,7 +165,7 @@ class _ElfReader:
             if section["sh_flags"] & _WRITE_FLAG and section["sh_flags"] & _ALLOCATE_FLAG
         ]
 
-    def _is_writable(self, address: int) -> bool:
+    def _is_in_writable_section(self, address: int) -> bool:
         return any(begin <= address < end for begin, end in self._writable_ranges)
 
     def _type_members(self, die: Any) -> list[_Member]:
@@ -281,6 +282,15 @@ class _ElfReader:
             return whole._replace(suffix=f".{name}", offset=offset)
         bits = BitField(shift, size, is_signed)
         return whole._replace(suffix=f".{name}", offset=offset, dtype=f"{self._order}u{bytes_}", bits=bits)
+
+
+def _is_constant(die: Any) -> bool:
+    """Whether a type is constant and not volatile, so that the program may not read it from memory."""
+    tags = set()
+    while die.tag in _QUALIFIERS | {"DW_TAG_array_type"} and "DW_AT_type" in die.attributes:
+        tags.add(die.tag)
+        die = die.get_DIE_from_attribute("DW_AT_type")
+    return "DW_TAG_const_type" in tags and "DW_TAG_volatile_type" not in tags
 
 
 def _type_size(die: Any) -> int:

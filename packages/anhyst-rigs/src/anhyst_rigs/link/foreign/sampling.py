@@ -20,6 +20,7 @@ from anhyst_rigs.link.foreign.slave import (
     CLEAR_DAQ_LIST,
     FREE_DAQ,
     GET_DAQ_LIST_INFO,
+    MEMORY_OVERFLOW,
     SAMPLING,
     SET_DAQ_LIST_MODE,
     SET_DAQ_PTR,
@@ -28,17 +29,23 @@ from anhyst_rigs.link.foreign.slave import (
     WRITE_DAQ,
     DaqProperties,
     Slave,
+    SlaveRefusedError,
 )
 from anhyst_rigs.link.foreign.variables import EventChannel, Variable
 
+_MAX_ODT_ENTRIES = (255, 30, 7)
+"""Numbers of entries in an ODT of a dynamic list that are tried one after the other."""
 _MAX_ODTS = 0xFC
 """Number of ODT identifiers that XCP reserves for samples."""
-_MEASURED_SAMPLES = 9
-"""Number of samples from which the period of an event is measured."""
 _FIRST_SAMPLE_TIMEOUT_S = 2.0
-_MEASURING_TIME_S = 1.0
-_PERIOD_TOLERANCE = 0.05
-"""Largest relative difference between stated and measured period; beyond, the measured one is used."""
+_MEASURING_TIME_S = 0.25
+_MEASURED_PERIODS = 2.5
+"""The period of an event is measured for this number of periods, and at least for the time above."""
+_STAMPED_TOLERANCE, _ARRIVAL_TOLERANCE = 0.05, 0.5
+"""Largest relative difference between stated and measured period, with and without time stamps.
+
+Beyond, the measured period is used.
+"""
 _MAX_LINE_LOAD = 0.8
 """Fraction of the data rate of a serial port that samples may use."""
 _POLL_PERIODS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -122,13 +129,12 @@ class DaqSampler(Sampler):
         """Write the DAQ list and start it."""
         slave, properties = self._slave, self._properties
         slave.request(bytes((START_STOP_SYNCH, 0)), "stop all DAQ lists")
-        limits = self._choose_list(event) if not properties.is_dynamic else self._limits(_MAX_ODTS, 0xFF)
-        self.plan = plan_odts(self.variables, slave.granularity, limits)
-        self.ticks_per_row = self._choose_prescaler(event)
         if properties.is_dynamic:
             self._allocate()
         else:
+            self.plan = plan_odts(self.variables, slave.granularity, self._choose_list(event))
             self._list_command(CLEAR_DAQ_LIST, 0)
+        self.ticks_per_row = self._choose_prescaler(event)
         for number, odt in enumerate(self.plan.odts):
             self._list_command(SET_DAQ_PTR, 0, bytes((number, 0)))
             for entry in odt:
@@ -193,6 +199,18 @@ class DaqSampler(Sampler):
         return self._limits(best[2], best[0] // best[2])
 
     def _allocate(self) -> None:
+        """Plan and reserve a dynamic list; a slave may allow only a few entries in an ODT."""
+        for max_entries in _MAX_ODT_ENTRIES:
+            limits = self._limits(_MAX_ODTS, max_entries)
+            self.plan = plan_odts(self.variables, self._slave.granularity, limits)
+            try:
+                self._reserve()
+                return
+            except SlaveRefusedError as refused:
+                if refused.error != MEMORY_OVERFLOW or max_entries == _MAX_ODT_ENTRIES[-1]:
+                    raise
+
+    def _reserve(self) -> None:
         slave, purpose = self._slave, "reserve the DAQ list"
         slave.request(bytes((FREE_DAQ,)), purpose)
         slave.request(struct.pack(f"{slave.order}BBH", ALLOC_DAQ, 0, 1), purpose)
@@ -218,50 +236,53 @@ class DaqSampler(Sampler):
         return max(1, prescaler)
 
     def _measure_period(self, event: EventChannel) -> None:
-        """Measure the period of the event from the first samples, and compare it with the stated one."""
-        begin, first_s, last_s = time.monotonic(), 0.0, 0.0
-        timeout_s = max(_FIRST_SAMPLE_TIMEOUT_S, 3.0 * event.period_s * self.ticks_per_row)
-        stamps: list[int] = []
-        samples: list[bytes] = []
-        while len(samples) < _MEASURED_SAMPLES and time.monotonic() < begin + timeout_s:
-            new_samples, new_stamps = self._take_samples(0.1)
-            if new_samples and not samples:
-                first_s = time.monotonic()
-                timeout_s = (
-                    first_s - begin + max(_MEASURING_TIME_S, 2.0 * event.period_s * self.ticks_per_row)
-                )
-            last_s = time.monotonic() if new_samples else last_s
-            samples += new_samples
-            stamps += new_stamps
-        if not samples:
-            reason = (
-                f"its samples have another length than the {len(self.plan.odts)} ODTs of the DAQ list"
-                if self._wrong_packets
-                else f"no sample arrived within {timeout_s:g} s; the event does not occur, choose another one"
-            )
-            raise InputError(f"{self._slave.url}: event {event.name}: {reason}", code="no-tick")
+        """Compare the stated period of the event with the first samples, and set the rate of the rows."""
+        stated_s = event.period_s * self.ticks_per_row
+        stamps, arrivals = self._take_first_samples(event, stated_s)
         measured_s = 0.0
-        if self._stamp_bytes and len(stamps) > 1:
+        if len(stamps) > 1:
             steps = np.diff(stamps) % (1 << 8 * self._stamp_bytes)
-            measured_s = float(np.median(steps)) * self._properties.stamp_period_s
-        elif len(samples) > 1:
-            measured_s = (last_s - first_s) / (len(samples) - 1)
-        period_s = event.period_s * self.ticks_per_row
-        tolerance = _PERIOD_TOLERANCE if self._stamp_bytes else 0.5
-        self.doc = f"event {event.name}, every {period_s:g} s"
-        if measured_s and not abs(measured_s - period_s) <= tolerance * period_s:
+            counts = np.maximum(1.0, np.round(steps / max(1.0, float(np.median(steps)))))
+            measured_s = float(steps.sum() / counts.sum()) * self._properties.stamp_period_s
+        elif len(arrivals) > 1:
+            measured_s = (arrivals[-1] - arrivals[0]) / (len(arrivals) - 1)
+        tolerance = _STAMPED_TOLERANCE if stamps else _ARRIVAL_TOLERANCE
+        self.doc = f"event {event.name}, every {stated_s:g} s"
+        self._row_period_s = stated_s
+        if measured_s and not abs(measured_s - stated_s) <= tolerance * stated_s:
+            self._row_period_s = measured_s
             self.doc = f"event {event.name}, measured period {measured_s:.4g} s"
-            self.doc += f" (stated: {period_s:g} s)" if period_s else ""
-            period_s = measured_s
-        if not period_s:
+            self.doc += f" (stated: {stated_s:g} s)" if stated_s else ""
+        if not self._row_period_s:
             raise InputError(
                 f"{self._slave.url}: the period of event {event.name} is unknown and cannot be measured; "
                 "choose another event",
                 code="no-tick",
             )
-        self._row_period_s = period_s
-        self.rate = self.ticks_per_row / period_s
+        self.rate = self.ticks_per_row / self._row_period_s
         self._last_stamp = stamps[-1] if stamps else None
+
+    def _take_first_samples(self, event: EventChannel, period_s: float) -> tuple[list[int], list[float]]:
+        """Return the time stamps and the times of arrival of the first samples."""
+        measuring_s = max(_MEASURING_TIME_S, _MEASURED_PERIODS * period_s)
+        timeout_s = max(_FIRST_SAMPLE_TIMEOUT_S, measuring_s)
+        end = time.monotonic() + timeout_s
+        stamps: list[int] = []
+        arrivals: list[float] = []
+        while (present := time.monotonic()) < end:
+            samples, new_stamps = self._take_samples(min(0.05, end - present))
+            if samples and not arrivals:
+                end = time.monotonic() + measuring_s
+            arrivals += [time.monotonic()] * len(samples)
+            stamps += new_stamps
+        if not arrivals:
+            reason = f"no sample arrived within {timeout_s:g} s; the event does not occur, choose another one"
+            if self._wrong_packets:
+                reason = (
+                    "its samples are too short for the DAQ list; the slave does not follow the XCP standard"
+                )
+            raise InputError(f"{self._slave.url}: event {event.name}: {reason}", code="no-tick")
+        return stamps, arrivals
 
     def read_rows(self, wait_s: float) -> FloatArray:
         """Return the rows of all new samples."""

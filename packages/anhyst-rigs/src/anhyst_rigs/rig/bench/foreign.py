@@ -89,7 +89,7 @@ class ForeignBench(Bench):
         signals = [one for one in variables if not one.is_writable] or variables
         parameters = [one.name for one in variables if one.is_writable and self.description.lists_parameters]
         self._parameters: dict[str, Parameter] = {}
-        failure = InputError(f"{self._slave.url}: no signal can be sampled", code="no-tick")
+        failure: InputError | None = None
         events: list[EventChannel | None] = [*sorted(self._events, key=lambda one: one.period_s or math.inf)]
         for event in events or [None]:
             sampled = [v.name for v in signals if event is None or not v.events or event.number in v.events]
@@ -97,13 +97,13 @@ class ForeignBench(Bench):
                 try:
                     self._start(sampled[:count], None if event is None else event.number)
                 except InputError as error:
-                    failure = error
+                    failure = failure or error
                     if error.code == "no-tick":
                         break
                 else:
                     self._set_parameters(self._read_parameters(parameters[:_FIRST_PARAMETERS]))
                     return
-        raise failure
+        raise failure or InputError(f"{self._slave.url}: no signal can be sampled", code="no-tick")
 
     @property
     def catalogue(self) -> Catalogue:  # type: ignore[override]
