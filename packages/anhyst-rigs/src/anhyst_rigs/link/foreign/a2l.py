@@ -99,6 +99,8 @@ class _ModuleReader:
                     raise _OmittedError("a TYPEDEF of A2L 1.7")
                 for variable in read[block.keyword](block):
                     description.variables[variable.name] = variable
+                    if block.keyword == "MEASUREMENT":
+                        description.measurements.append(variable.name)
             except _OmittedError as reason:
                 description.omitted[str(reason)] += 1
             except (ValueError, IndexError):

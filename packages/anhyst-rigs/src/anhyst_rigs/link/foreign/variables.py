@@ -250,6 +250,7 @@ class Description:
 
     source: str  # name of the file
     variables: dict[str, Variable] = field(default_factory=dict)
+    measurements: list[str] = field(default_factory=list)  # names that the file calls measurements
     omitted: Counter[str] = field(default_factory=Counter)  # number of omitted quantities by reason
     events: tuple[EventChannel, ...] = ()
     serial: SerialLine | None = None

@@ -86,7 +86,7 @@ class ForeignBench(Bench):
     def _choose_first(self) -> None:
         """Choose the first signals of the description that can be sampled together."""
         variables = list(self.description.variables.values())
-        signals = [one for one in variables if not one.is_writable] or variables
+        signals = [self.description.variables[name] for name in self.description.measurements] or variables
         parameters = [one.name for one in variables if one.is_writable and self.description.lists_parameters]
         self._parameters: dict[str, Parameter] = {}
         failure: InputError | None = None
