@@ -173,7 +173,8 @@ def test_our_own_firmware_works_through_its_description(
             names = [signal["name"] for signal in browser.bench["signals"]]
             assert {"force", "current", "state"} <= set(names)
             assert browser.bench["catalogue"]["sampling"].startswith("event tick")
-            browser.order("choose", signals=["gap", "state"], parameters=["command", "ratio"], event=None)
+            chosen = {"signals": ["force", "state"], "parameters": ["command", "ratio"]}
+            assert "reason" not in browser.order("choose", **chosen)
             browser.listen(lambda: len(browser.bench["signals"]) == 2 and len(browser.columns) > 3)
             assert browser.status["missing"] == 0
             assert "reason" not in browser.order("apply", values={"command": 2.0})

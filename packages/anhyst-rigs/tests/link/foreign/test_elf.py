@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from elftools.elf.elffile import ELFFile
 
+from anhyst.support.errors import InputError
 from anhyst_rigs.link.foreign.elf import is_elf, read_elf
 from anhyst_rigs.link.foreign.variables import Description
 from tests.once import made_once
@@ -116,8 +117,9 @@ def test_a_file_cut_anywhere_gives_one_line(program: Path, tmp_path: Path) -> No
     whole = read_elf(program).variables
     for end in range(0, len(content), max(1, len(content) // 40)):
         cut.write_bytes(content[:end])
+        text = ""
         try:
             assert read_elf(cut).variables == whole
-        except ValueError as error:
-            assert "\n" not in str(error)
-            assert "cut.elf" in str(error)
+        except InputError as error:
+            text = str(error)
+        assert not text or ("cut.elf" in text and "\n" not in text)
