@@ -34,7 +34,7 @@ def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serv
     state_is(page, "run")
     page.wait_for_timeout(300)
     page.locator("#pause").click()
-    until(page, "document.getElementById('pause').textContent === 'go on'")
+    until(page, "document.getElementById('pause').textContent === 'Continue'")
     page.wait_for_timeout(300)
     errors = [last(page, f"error_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]
     assert np.ravel(seen(page, "page.body.pose()")) == pytest.approx([-error for error in errors])
@@ -49,7 +49,7 @@ def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serv
     page.select_option("#exaggerated", "1000")
     until(page, "document.querySelector('#body canvas').title.includes('× 1\u202f000')")
     # the table shows the values of the row
-    cell = page.locator("[data-signal=pull_7] span").first
+    cell = page.locator("#body [data-signal=pull_7] span").first
     assert float(cell.inner_text().split()[0]) == pytest.approx(last(page, "pull_7"), rel=1e-3)
     canvas = page.locator("#body canvas")
     before = seen(page, "({ ...page.body.space.view })")
@@ -80,7 +80,7 @@ def test_buttons_land_and_lift_a_body_and_cycles_pause_meanwhile(serve: Serve, s
     assert page.locator(".commands button[data-order=lift]").is_disabled()
     press(page, "land")
     state_is(page, "idle")
-    until(page, "document.body.innerText.includes('press lift, then run')")
+    until(page, "document.body.innerText.includes('Press Lift, then Run')")
     assert page.locator(".commands button[data-order=run]").is_disabled()
     assert last(page, "error_z") > 0.09e-3
     page.keyboard.press("0")

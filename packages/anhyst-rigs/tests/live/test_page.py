@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,16 @@ GAP = 0.45e-3
 
 
 def press(page: Page, name: str) -> None:
-    page.get_by_role("button", name=name, exact=True).click()
+    """Press a command of the controller, or the button with a name in upper or lower case."""
+    command = page.locator(f"#panel button[data-order='{name}']")
+    if not command.count():
+        command = page.get_by_role("button", name=re.compile(f"^{re.escape(name)}$", re.IGNORECASE))
+    command.click()
+
+
+def labelled(name: str) -> str:
+    """Return the readable name of a parameter."""
+    return name.replace("_", " ").capitalize()
 
 
 def seen(page: Page, text: str) -> Any:
@@ -82,10 +92,16 @@ def test_the_armature_is_lifted_and_stopped_by_one_key(serve: Serve, show: Show)
 def test_a_refused_order_gives_its_reason(serve: Serve, show: Show) -> None:
     page = show(serve())
     ready(page)
-    page.locator("#target").fill("9999")
-    page.keyboard.press("Enter")
+    page.locator("#record-name").fill("a/b")
+    page.locator("#record").click()
     until(page, "!document.getElementById('notice').hidden")
-    assert "range" in page.locator("#notice").inner_text()
+    assert "no folder" in page.locator("#notice").inner_text()
+    page.get_by_role("button", name="dismiss the message").click()
+    assert page.locator("#notice").is_hidden()
+    page.get_by_role("tab", name="5 log").click()
+    entry = page.locator("#log li.failed")
+    assert "no folder" in entry.inner_text()
+    assert entry.locator("time").inner_text().endswith(" s")
 
 
 @pytest.mark.slow
@@ -96,8 +112,8 @@ def test_an_observer_may_stop_and_take_control(serve: Serve, show: Show) -> None
     second = show(served)
     ready(second)
     until(second, "document.body.classList.contains('watching')")
-    for name in ("demagnetised", "go", "start", "record"):
-        button = second.get_by_role("button", name=name, exact=True)
+    for place in ("[data-order=demagnetised]", "#go", "#generate", "#record"):
+        button = second.locator(f"#panel {place}").last
         assert button.is_disabled()
         assert "another browser" in (button.get_attribute("title") or "")
     press(second, "take over")
@@ -121,10 +137,10 @@ def test_a_trigger_shows_the_sample_that_crossed(serve: Serve, show: Show) -> No
     served = serve()
     page = show(served)
     lift(page, served)
+    page.select_option("#trigger-mode", "single")
     page.select_option("#trigger-signal", "gap")
     page.select_option("#trigger-edge", "falling")
     page.locator("#trigger-level").fill("440")
-    page.select_option("#trigger-mode", "single")
     page.locator("#target").fill("430")
     page.locator("#go").click()
     until(page, "window.anhyst.scope.held !== null && window.anhyst.scope.shot")
@@ -143,12 +159,13 @@ def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
     served = serve()
     page = show(served)
     ready(page)
+    page.select_option("#trigger-mode", "single")
     page.select_option("#trigger-signal", "load")
     page.select_option("#trigger-edge", "falling")
     page.locator("#trigger-level").fill("-5")
-    page.select_option("#trigger-mode", "single")
     page.locator("#record-name").fill("crossing")
     page.select_option("#record-kind", ".csv")
+    page.get_by_text("Start and end").click()
     page.locator("#record-before").fill("0.05")
     page.locator("#record-lasts").fill("0.1")
     page.select_option("#record-edge", "falling")
@@ -240,10 +257,11 @@ def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None
     drive = [parameter for parameter in served.session.parameters if parameter.name.startswith("load_")]
     staged = {one.name: 0.5 * one.high for one in drive}
     for name, value in staged.items():
-        page.get_by_label(name, exact=True).fill(str(value))
-        page.get_by_label(name, exact=True).press("Tab")
+        unit = next(one.unit for one in drive if one.name == name)
+        page.get_by_label(labelled(name), exact=True).fill(f"{value} {unit}")
+        page.get_by_label(labelled(name), exact=True).press("Tab")
     assert {parameter.name: parameter.value for parameter in served.session.parameters} == old
-    page.get_by_role("button", name="apply 2 staged").click()
+    page.get_by_role("button", name="Apply 2 staged").click()
     until(page, "document.getElementById('confirmed').textContent.includes('tick')")
     now = {parameter.name: parameter.value for parameter in served.session.parameters}
     assert {name: now[name] for name in old if now[name] != old[name]} == staged
@@ -251,7 +269,7 @@ def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None
     assert all(name in entry.text for name in staged)
     assert str(entry.tick + 1) in page.locator("#confirmed").inner_text()
     page.keyboard.press("Tab")
-    page.get_by_role("button", name="roll back").click()
+    page.get_by_role("button", name="Roll back").click()
     wait_for(lambda: {parameter.name: parameter.value for parameter in served.session.parameters} == old)
 
 

@@ -71,16 +71,16 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     state_is(page, "ready")
     tabs = [tab.text_content() for tab in page.locator("#tabs button").all() if tab.is_visible()]
     assert [str(tab).split()[1] for tab in tabs] == [
-        "scope", "loop", "steps", "parameters", "log", "levitation", "spectrum",
+        "Scope", "Loop", "Steps", "Parameters", "Log", "Levitation", "Spectrum",
     ]  # fmt: skip
-    assert "run" in page.locator("#next").inner_text()
-    assert seen(page, "[...page.scope.chosen]") == ["error", "force", "voltage"]
+    assert "Run" in page.locator("#next").inner_text()
+    assert seen(page, "[...page.scope.plot.names]") == ["error", "force", "voltage"]
     press(page, "run")
     state_is(page, "run")
     until(page, "document.getElementById('next').textContent === ''")
     wait_for(lambda: last(page, "lap") > 4)
     page.locator("body").press("c")
-    until(page, "document.getElementById('compensation').textContent === 'off (C)'")
+    until(page, "document.getElementById('compensation').textContent === 'Off (C)'")
     off = served.session.last_applied_tick
     wait_for(lambda: served.session.bench.tick > off + 5000)
     page.keyboard.press("2")

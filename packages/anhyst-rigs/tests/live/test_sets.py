@@ -10,7 +10,7 @@ import pytest
 from anhyst_rigs.dashboard.sets import FILE_SUFFIX, ParameterSets, changed_values
 from anhyst_rigs.rig.bench.protocol import Parameter
 from tests.live.conftest import Serve, Served, Show, wait_for
-from tests.live.test_page import ready, until
+from tests.live.test_page import labelled, ready, until
 from tests.refusals import refused
 
 
@@ -98,7 +98,7 @@ def test_sets_are_saved_compared_staged_and_rolled_back(serve: Serve, show: Show
     page.locator("#set-name").fill("before")
     page.locator("#set-save").click()
     until(page, "document.getElementById('set-second').options.length === 2")
-    page.get_by_label(one.name, exact=True).fill(str(new))
+    page.get_by_label(labelled(one.name), exact=True).fill(f"{new} {one.unit}")
     page.locator("#apply").click()
     wait_for(lambda: load_damping(served).value == new)
     page.select_option("#set-second", "before")
@@ -106,7 +106,7 @@ def test_sets_are_saved_compared_staged_and_rolled_back(serve: Serve, show: Show
     cells = page.locator("#differences td").all_inner_texts()
     assert cells == [f"{new:g} {one.unit}", f"{old:g} {one.unit}", f"{old - new:g} {one.unit}"]
     page.locator("#set-stage").click()
-    page.get_by_role("button", name="apply 1 staged").click()
+    page.get_by_role("button", name="Apply 1 staged").click()
     wait_for(lambda: load_damping(served).value == old)
     page.locator("#log").evaluate("() => document.activeElement.blur()")
     page.keyboard.press("b")

@@ -309,11 +309,11 @@ def test_the_page_shows_and_reverts_estimates_of_a_stage(serve: Serve, show: Sho
     press(page, "revert")
     until(page, "!document.querySelector('#learnt tbody tr')")
     page.keyboard.press("c")
-    until(page, "document.getElementById('compensation').textContent === 'off (C)'")
+    until(page, "document.getElementById('compensation').textContent === 'Off (C)'")
     until(page, "document.getElementById('gained').textContent.startsWith('single-valued')")
     page.keyboard.press("Escape")
     state_is(page, "ready")
-    assert page.locator("#next").inner_text() == "press run"
+    assert page.locator("#next").inner_text() == "Press Run"
 
 
 def test_cycles_completed_meanwhile_are_skipped_and_counted(

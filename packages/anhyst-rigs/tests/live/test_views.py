@@ -31,7 +31,7 @@ def test_loop_and_levitation_views_agree_with_the_recording(serve: Serve, show: 
     page.get_by_role("tab", name="levitation").click()
     until(page, "window.anhyst.levitation.standstill > 0")
     page.locator("#pause").click()
-    until(page, "document.getElementById('pause').textContent === 'go on'")
+    until(page, "document.getElementById('pause').textContent === 'Continue'")
     page.wait_for_timeout(500)
     standstill, newest = seen(page, "[page.levitation.standstill, page.store.newest]")
     assert "hover, run" in page.locator("#levitation").inner_text()

@@ -224,7 +224,12 @@ class RowQueue:
         return runs
 
     def _append_run(self, new_run: RowRun) -> None:
-        if self._runs and self._runs[-1].last_tick + self._tick_step == new_run.first_tick:
+        last_run = self._runs[-1] if self._runs else None
+        if (
+            last_run is not None
+            and last_run.last_tick + self._tick_step == new_run.first_tick
+            and last_run.rows.shape[1] == new_run.rows.shape[1]  # A derived signal adds a column.
+        ):
             old_run = self._runs.pop()
             rows = np.concatenate((old_run.rows, new_run.rows))
             new_run = RowRun(old_run.first_tick, new_run.last_tick, rows, old_run.is_thinned)

@@ -12,6 +12,7 @@ import numpy as np
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
+from anhyst_rigs.dashboard.derived import DerivedSignal
 from anhyst_rigs.dashboard.generator import Chirp, PeriodicWave, Wave, read_wave_table
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import RecordingSpan
@@ -199,7 +200,7 @@ def _execute_command(session: LiveSession, client_name: str, fields: Fields) -> 
 def _execute_target(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     value = read_finite_number(fields, "value")
     session.bench.demand(value)
-    session.log_change(client_name, f"target {value:g}")
+    session.log_change(client_name, f"target {value:g} {session.bench.demand_range.unit}")
     return {}
 
 
@@ -326,6 +327,18 @@ def _execute_learn(session: LiveSession, client_name: str, fields: Fields) -> Fi
     return {}
 
 
+def _execute_derive(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    """Define a derived signal, or delete it if its expression is missing."""
+    name, expression = str(fields.get("name")), fields.get("expression")
+    if expression is None:
+        session.derived.delete(name)
+        session.log_change(client_name, f"derived signal {name} deleted")
+    else:
+        session.derived.define(DerivedSignal(name, str(fields.get("unit") or ""), str(expression)))
+        session.log_change(client_name, f"derived signal {name} = {expression}")
+    return {}
+
+
 def _save_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     session.sets.save(name, session.parameters)
@@ -356,6 +369,7 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "choose": _execute_choose,
     "improve": perform_improvement_step,
     "learn": _execute_learn,
+    "derive": _execute_derive,
 }
 
 

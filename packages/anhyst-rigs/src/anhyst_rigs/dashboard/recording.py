@@ -15,7 +15,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import orjson
@@ -23,6 +23,9 @@ import orjson
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bench.protocol import Signal, Subscription
+
+if TYPE_CHECKING:
+    from anhyst_rigs.dashboard.derived import DerivedSignals
 
 _BLOCK_HEADER = struct.Struct("<4s4xQQ")
 """Header of an MDF block: name, length and number of links."""
@@ -239,6 +242,8 @@ BUFFER_S = 10.0
 MAX_RECORDING_S = 86400.0
 
 _BUFFER_MARGIN_S = 1.0
+_FILTER_START_S = 1.0
+"""Time before a recording from which the filters of derived signals start, s."""
 _ROWS_PER_WRITE = 4000
 """Largest number of buffered rows that are written between two chunks of the bench."""
 
@@ -301,13 +306,20 @@ class TickRecorder:
     """A recorder that buffers the last seconds with every tick, and writes recordings to a folder."""
 
     def __init__(
-        self, signals: Sequence[Signal], rate: float, folder: Path, notify: Callable[[str], None]
+        self,
+        signals: Sequence[Signal],
+        rate: float,
+        folder: Path,
+        notify: Callable[[str], None],
+        derived: DerivedSignals | None = None,
     ) -> None:
         self.folder = folder
         self.error_text = ""
         self._signals = signals
         self._rate = rate
         self._notify = notify
+        self._derived = derived  # signals that are defined now
+        self._recorded: DerivedSignals | None = None  # those of the active recording
         self._ring = RingBuffer(math.ceil((BUFFER_S + _BUFFER_MARGIN_S) * rate), 1 + len(signals))
         self._lock = threading.RLock()
         self._file: RecordingFile | None = None
@@ -350,9 +362,11 @@ class TickRecorder:
                     code="busy",
                     key="record",
                 )
-            self.start_in_file(
-                start_recording(self.folder / name, self._signals, self._rate), recording_span, tick
-            )
+            recorded = None if self._derived is None else self._derived.copy()
+            derived = () if recorded is None else (one.signal for one in recorded.definitions)
+            file = start_recording(self.folder / name, (*self._signals, *derived), self._rate)
+            self._recorded = recorded
+            self.start_in_file(file, recording_span, tick)
 
     def start_in_file(self, file: RecordingFile, recording_span: RecordingSpan, tick: int) -> None:
         """Start a recording in a file that is already open."""
@@ -426,6 +440,9 @@ class TickRecorder:
         self._first_tick = tick - round(self._span.pretrigger_s * self._rate)
         self._last_tick = tick - 1 + self._span.duration_s * self._rate
         self._next_row = self._ring.find_tick(self._first_tick)
+        if self._recorded is not None:  # Filters start from the buffered rows before the recording.
+            oldest_row = self._ring.find_tick(self._first_tick - round(_FILTER_START_S * self._rate))
+            self._recorded.extend(self._ring.read(oldest_row, self._next_row))
 
     def _has_rows_to_write(self) -> bool:
         """Whether some buffered rows have not been written yet."""
@@ -438,6 +455,8 @@ class TickRecorder:
         end_row = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
         rows = self._ring.read(self._next_row, end_row)
         self._next_row = end_row
+        if self._recorded is not None:
+            rows = self._recorded.extend(rows)
         recorded_rows = rows[(rows[:, 0] >= self._first_tick) & (rows[:, 0] <= self._last_tick)]
         if len(recorded_rows):
             self._write_or_stop(lambda file: file.write_rows(recorded_rows))
@@ -459,3 +478,4 @@ class TickRecorder:
             self._file.close()
             self._notify(f"{self._file.path.name}: {end_reason}, {self._file.rows} ticks")
         self._file, self._next_row, self._last_tick, self._span = (None, None, math.inf, RecordingSpan())
+        self._recorded = None

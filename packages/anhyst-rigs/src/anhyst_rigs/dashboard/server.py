@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import secrets
 import time
 from collections import deque
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from starlette.applications import Starlette
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import FileResponse
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
@@ -22,6 +24,7 @@ from anhyst.support.atomic import to_json_value
 from anhyst.support.errors import InputError
 from anhyst.support.states import Fault, Phase, State
 from anhyst_rigs.dashboard.browsers import MessageRateLimit, RequestGuard, RowQueue, encode_frame
+from anhyst_rigs.dashboard.derived import DerivedSignal
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, WAVE_SHAPES
 from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameters, perform
 from anhyst_rigs.dashboard.recording import BUFFER_S, column_header
@@ -80,7 +83,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "title": title,
         "you": client_number,
         "rate": bench.rate,
-        "signals": [{**signal._asdict(), "head": column_header(signal)} for signal in bench.signals],
+        "signals": describe_signals(session),
         "aim": bench.demand_range._asdict(),
         "load_most": bench.max_load,
         "body": bench.body,
@@ -100,6 +103,13 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "limits": None if session.improver is None else session.improver.limits(),
         "loops": describe_loops(session),
     }
+
+
+def describe_signals(session: LiveSession) -> list[dict[str, Any]]:
+    """Return the signals of the bench and the derived ones, in the order of their columns."""
+    derived = [{**one.signal._asdict(), "expression": one.expression} for one in session.derived.definitions]
+    signals = [*(signal._asdict() for signal in session.bench.signals), *derived]
+    return [{**one, "head": column_header(Signal(one["name"], one["unit"], ""))} for one in signals]
 
 
 def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
@@ -126,6 +136,9 @@ _MAX_QUEUED_ANSWERS = 64
 _MESSAGE_RATE_HZ, _MESSAGE_BURST = 60.0, 60
 _CLOSE_BAD_MESSAGE, _CLOSE_SERVER_FULL = 1008, 1013
 
+_FOLDERS_PATTERN = re.compile(r"(?<![\w:/.])/(?:[^/\s:]+/)+")
+"""Folders of an absolute path in a text."""
+
 _Result = TypeVar("_Result")
 
 
@@ -142,6 +155,7 @@ class Client:
         self.parameters: tuple[Parameter, ...] = ()
         self.curves: tuple[DrawnLoop, ...] = ()
         self.results: Mapping[str, Any] = {}
+        self.derived: tuple[DerivedSignal, ...] = ()
         self._answers: deque[Mapping[str, Any]] = deque(maxlen=_MAX_QUEUED_ANSWERS)
 
     @property
@@ -223,6 +237,7 @@ class LiveServer:
         client.signals = self.session.signals
         client.outbox = RowQueue(ticks_per_row=self.session.bench.ticks_per_row)
         client.parameters, client.curves = self.session.parameters, self.session.curves
+        client.derived = self.session.derived.definitions
         await client.send_message(make_welcome_message(self.session, self._title, client.number))
         client.leave()
         client.leave = self.session.subscribe(client.outbox.put)
@@ -239,6 +254,9 @@ class LiveServer:
                     due_time = clock() + _STATUS_PERIOD_S
                     self.desk.check_timeout()
                     await self._send_status(client)
+                if client.derived is not self.session.derived.definitions:
+                    client.derived = self.session.derived.definitions
+                    await client.send_message({"kind": "signals", "signals": describe_signals(self.session)})
                 await client.send_waiting()
                 await asyncio.sleep(1.0 / _FRAME_RATE_HZ)
         except (WebSocketDisconnect, RuntimeError):
@@ -303,7 +321,8 @@ class LiveServer:
         try:
             reply = await self._perform_order(client, message)
         except InputError as error:
-            reply = {"reason": str(error)}
+            # A page shows the name of a file, and not the folders of the server.
+            reply = {"reason": _FOLDERS_PATTERN.sub("", str(error))}
         client.queue_message(
             {"kind": "answer", "id": message_number if isinstance(message_number, int) else 0, **reply}
         )
@@ -335,7 +354,7 @@ def page_routes(name: str) -> list[BaseRoute]:
     async def page(_request: object) -> FileResponse:
         return FileResponse(ASSETS_FOLDER / name)
 
-    return [Route("/", page), Mount("/assets", StaticFiles(directory=ASSETS_FOLDER))]
+    return [Route("/", page), Mount("/assets", GZipMiddleware(StaticFiles(directory=ASSETS_FOLDER)))]
 
 
 async def _receive_message(socket: WebSocket) -> dict[str, Any]:

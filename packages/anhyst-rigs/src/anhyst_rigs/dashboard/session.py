@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
+from anhyst_rigs.dashboard.derived import DerivedSignals
 from anhyst_rigs.dashboard.generator import DrivenBench, Wave
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import RecordingFile, RecordingSpan, TickRecorder
@@ -40,7 +41,7 @@ WATCH_ONLY_REASON = "another browser operates; ask to take over"
 _MOVING_ORDERS = ("target", "generator", "apply")
 """Orders that can move the controlled body, in addition to the commands of the controller."""
 
-_OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "sets", "choose")
+_OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "sets", "derive", "choose")
 
 
 def disturbs_measurement(order: str) -> bool:
@@ -127,7 +128,7 @@ class LiveSession:
         self._listeners: tuple[Listener, ...] = ()
         folder = folder or Path.cwd()
         self.sets = ParameterSets(folder)
-        self.recorder = TickRecorder(bench.signals, bench.rate, folder, self._log_recorder)
+        self._make_recorder(folder)
         if recording is not None:
             self.recorder.start_in_file(recording, RecordingSpan(), 0)
             self._note_parameters()
@@ -139,6 +140,12 @@ class LiveSession:
             self._threads.append(
                 _start_thread("learner", learn, self.pacer.subscribe("learner", _MAX_QUEUED_CHUNKS))
             )
+
+    def _make_recorder(self, folder: Path) -> None:
+        """Prepare the derived signals and the recorder for the present signals of the bench."""
+        signals, rate = self.bench.signals, self.bench.rate
+        self.derived = DerivedSignals(signals, rate)
+        self.recorder = TickRecorder(signals, rate, folder, self._log_recorder, self.derived)
 
     def _pass_rows_on(self) -> None:
         """Pass the rows of the chosen signals to the pages and to the recorder from now on."""
@@ -168,9 +175,7 @@ class LiveSession:
             for thread in self._threads:
                 thread.join()
             self._threads, self._listeners = [], ()
-            self.recorder = TickRecorder(
-                self.bench.signals, self.bench.rate, self.recorder.folder, self._log_recorder
-            )
+            self._make_recorder(self.recorder.folder)
             self.parameters = self.bench.parameters()
             self._pass_rows_on()
 
@@ -320,8 +325,9 @@ class LiveSession:
 
     def _pass_rows_to_listeners(self, subscription: Subscription) -> None:
         while (rows := subscription.get()) is not None:
+            extended_rows = self.derived.extend(rows)
             for listener in self._listeners:
-                listener(rows)
+                listener(extended_rows)
             if self._last_tick:
                 passed_ticks = int(rows[-1, 0]) - self._last_tick
                 self._missing_ticks += passed_ticks // self.bench.ticks_per_row - len(rows)

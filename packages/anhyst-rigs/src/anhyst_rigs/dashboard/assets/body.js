@@ -46,9 +46,9 @@ export class BodyView {
       make(
         "div",
         { className: "bar" },
-        field("pose", this.what),
-        field("exaggerated", this.times),
-        make("span", { className: "soft", textContent: "drag or use the arrow keys to rotate; Home resets the view" }),
+        field("Pose", this.what),
+        field("Exaggerated", this.times),
+        make("span", { className: "soft", textContent: "Drag or use the arrow keys to rotate; Home resets the view" }),
       ),
       make("div", { className: "beside" }, figure, this.figures.place),
     );

@@ -161,3 +161,9 @@ export function limits(...columns) {
   const margin = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
   return [low - margin, high + margin];
 }
+
+// Returns a range that has at least a given width, about the same middle.
+export function atLeast([low, high], width) {
+  const margin = Math.max(0, (width - (high - low)) / 2);
+  return [low - margin, high + margin];
+}

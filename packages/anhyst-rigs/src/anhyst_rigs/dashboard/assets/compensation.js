@@ -6,10 +6,10 @@ export const NAME = "compensation"; // name of the parameter, which is 1 or 0
 
 // Returns a button that shows and toggles the active state, which any browser may have set.
 export function compensationSwitch(parameters) {
-  const button = make("button", { id: NAME, onclick: () => parameters.toggle(NAME) });
+  const button = make("button", { id: NAME, title: "Switch the compensation of the hysteresis on or off", onclick: () => parameters.toggle(NAME) });
   const show = () => {
     const on = parameters.value(NAME) !== 0;
-    button.textContent = on ? "on (C)" : "off (C)";
+    button.textContent = on ? "On (C)" : "Off (C)";
     button.setAttribute("aria-pressed", String(on));
   };
   parameters.addEventListener("shown", show);

@@ -17,7 +17,7 @@ export class Cursors {
     this.rows = make("tbody");
     const head = make("tr", {}, ...COLUMN_TITLES.map((text) => make("th", { textContent: text })));
     this.table = make("table", {}, make("thead", {}, head), this.rows);
-    const off = make("button", { textContent: "no cursors", onclick: () => (this.ticks = []) });
+    const off = make("button", { textContent: "Remove cursors", onclick: () => (this.ticks = []) });
     const bar = make("div", { className: "bar" }, this.time, off);
     this.element = make("div", { id: "cursors", hidden: true }, bar, this.table);
   }
@@ -31,10 +31,12 @@ export class Cursors {
     this.ticks = [...others, tick].sort((a, b) => a - b);
   }
 
-  show(signals) {
-    const key = [...this.ticks, ...signals.map((one) => one.name)].join();
-    if (this.#key === key) return;
+  // Shows the statistics of signals; times are relative to the tick `zero`.
+  show(signals, zero) {
+    const key = [...this.ticks, zero, ...signals.map((one) => one.name)].join();
+    if (this.#key === key || (!this.ticks.length && this.element.hidden)) return;
     this.#key = key;
+    this.zero = zero;
     this.element.hidden = !this.ticks.length;
     this.time.textContent = this.#where();
     this.found = this.ticks.length < 2 ? [] : signals.map((one) => this.#between(one));
@@ -56,23 +58,23 @@ export class Cursors {
   }
 
   #cells() {
-    return this.found.map(({ name, unit, a, b, dy, rms, ripple }) => [
-      name,
+    return this.found.map(({ label, unit, a, b, dy, rms, ripple }) => [
+      label,
       ...[a, b, dy, rms, ripple].map((value) => show(value, unit)),
     ]);
   }
 
   // Returns the times of the cursors as a line of text.
   #where() {
-    const [a, b] = this.ticks.map((tick) => tick / this.rate);
+    const [a, b] = this.ticks.map((tick) => (tick - this.zero) / this.rate);
     if (a === undefined) return "";
-    if (b === undefined) return `A ${a.toFixed(5)} s; click again for B`;
+    if (b === undefined) return `A ${seconds(a)}; click again for B`;
     const apart = b > a ? `dt ${seconds(b - a)}, 1/dt ${Number((1 / (b - a)).toPrecision(6))} Hz` : "dt 0";
-    return `A ${a.toFixed(5)} s, B ${b.toFixed(5)} s, ${apart}`;
+    return `A ${seconds(a)}, B ${seconds(b)}, ${apart}`;
   }
 
   // Returns the statistics of a signal from A to B, inclusive; missing ticks are ignored.
-  #between({ name, unit, column }) {
+  #between({ label, unit, column }) {
     const { store } = this;
     const [first, last] = this.ticks.map((tick) => store.find(tick));
     const mean = (of) => {
@@ -90,7 +92,7 @@ export class Cursors {
     const middle = mean((value) => value);
     const rms = Math.sqrt(mean((value) => value * value));
     const ripple = Math.sqrt(mean((value) => (value - middle) ** 2));
-    return { name, unit, a, b, dy: b - a, rms, ripple };
+    return { label, unit, a, b, dy: b - a, rms, ripple };
   }
 }
 

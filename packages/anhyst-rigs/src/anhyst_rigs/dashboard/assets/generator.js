@@ -1,6 +1,7 @@
 // Controls of the signal generator: a shape, a sweep or a user's table is added to the target.
 
 import { field, make, select } from "./dom.js";
+import { Quantity } from "./quantity.js";
 import { seconds, show, shown, usual } from "./units.js";
 
 const CHIRP = "chirp";
@@ -23,15 +24,19 @@ export class GeneratorPanel {
       "step",
     );
     this.shape.id = "shape";
-    this.amplitude = number("amplitude", usual(bench.aim, 0.05));
+    this.shape.ariaLabel = "shape of the signal";
+    const { aim } = bench;
+    const most = 0.5 * (aim.high - aim.low);
+    const amplitude = usual(aim, 0.05) / this.shown.factor;
+    this.amplitude = new Quantity({ unit: this.unit, low: 0, high: most, id: "amplitude", label: "amplitude", value: amplitude });
     this.frequency = number("frequency", 2);
     this.low = number("chirp-low", 0.5);
     this.high = number("chirp-high", 50);
     this.lasts = number("chirp-lasts", 20);
-    this.file = make("input", { type: "file", accept: ".csv,text/csv", id: "table" });
+    this.file = make("input", { ariaLabel: "CSV of the signal", type: "file", accept: ".csv,text/csv", id: "table" });
     const [low, high] = bench.frequencies;
     this.lines = {
-      amplitude: line(field("±", this.amplitude, this.shown.name)),
+      amplitude: make("div", {}, line(make("span", { className: "unit", textContent: "±" }), ...this.amplitude.elements), this.amplitude.message),
       frequency: line(field("at", this.frequency, "Hz")),
       chirp: line(
         field("from", this.low),
@@ -45,11 +50,10 @@ export class GeneratorPanel {
     this.now = make("output", { className: "reading" });
     const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
     place.append(
-      line(this.shape),
-      ...Object.values(this.lines),
+      make("div", { className: "line" }, this.shape, ...Object.values(this.lines)),
       line(
-        button("generate", "start", () => this.start()),
-        button("generate-off", "off", () => order("generator", { shape: null })),
+        button("generate", "Start", () => this.start()),
+        button("generate-off", "Off", () => order("generator", { shape: null })),
         this.now,
       ),
     );
@@ -67,8 +71,9 @@ export class GeneratorPanel {
 
   async start() {
     const shape = this.shape.value;
-    const amplitude = Number(this.amplitude.value) / this.shown.factor;
     if (shape === TABLE) return this.#startTable();
+    const amplitude = this.amplitude.value;
+    if (amplitude === null) return this.amplitude.input.focus();
     if (shape !== CHIRP)
       return this.order("generator", { shape, amplitude, frequency: Number(this.frequency.value) });
     const [low, high, lasts] = [this.low, this.high, this.lasts].map((one) => Number(one.value));

@@ -3,6 +3,7 @@
 import { Plane, limits } from "./canvas.js";
 import { ink } from "./colours.js";
 import { download, field, make, refuse } from "./dom.js";
+import { words } from "./names.js";
 import { Watch } from "./watch.js";
 
 const OLD_MODEL_COLOUR = "#d55e00";
@@ -21,13 +22,13 @@ export class Improve {
   constructor(place, bench, order) {
     this.order = order;
     if (!bench.limits) {
-      place.textContent = "this bench was not opened from a rig file, so it cannot measure loops";
+      place.replaceChildren(make("p", { className: "empty", textContent: "This rig was not opened from a rig file, so it cannot measure loops." }));
       return;
     }
     this.buttons = Object.fromEntries(STEPS.map((step) => [step, this.#button(step)]));
-    this.cancel = make("button", { textContent: "cancel", onclick: () => order("improve", { step: "cancel" }) });
-    this.back = make("button", { textContent: "swap back", onclick: () => this.#swap("back") });
-    this.save = make("button", { textContent: "save files", onclick: () => this.#files() });
+    this.cancel = make("button", { textContent: "Cancel", title: "End the running step", onclick: () => order("improve", { step: "cancel" }) });
+    this.back = make("button", { textContent: "Swap back", title: "Activate the previous model again", onclick: () => this.#swap("back") });
+    this.save = make("button", { textContent: "Save files", title: "Save the measured loops and the model", onclick: () => this.#files() });
     this.now = make("output", { className: "reading", id: "improving" });
     this.bar = make("progress", { max: 1, value: 0, hidden: true });
     this.figures = make("div", { className: "scroll figures" });
@@ -57,7 +58,7 @@ export class Improve {
   #button(step) {
     const number = STEPS.indexOf(step) + 1;
     const begin = () => (step === "swap" ? this.#swap(step) : this.#begin(step));
-    return make("button", { textContent: `${number}. ${step}`, onclick: begin });
+    return make("button", { textContent: `${number}. ${words(step)}`, onclick: begin });
   }
 
   // Shows the limits of the rig file, which the user can tighten, and the thermal limit of the winding.
@@ -192,7 +193,7 @@ function misfits({ law, old, new: found, gaps }) {
       cell(`${short(other.rms_N)} N`, NEW_MODEL_COLOUR),
       cell(`${short(other.worst_N)} N`, NEW_MODEL_COLOUR),
     );
-  const heads = ["against measured loops", "old: rms", "worst", `new (${law}): rms`, "worst"];
+  const heads = ["Against measured loops", "Old: rms", "Worst", `New (${law}): rms`, "Worst"];
   return make(
     "table",
     { id: "misfits" },

@@ -33,7 +33,7 @@ export class Learning {
     this.bench = bench;
     this.of = ERRORS[bench.learns];
     this.button = make("button", { id: "learn", onclick: () => order("learn", { on: !this.#now?.on }) });
-    this.back = make("button", { textContent: "revert", onclick: () => order("learn", { revert: true }) });
+    this.back = make("button", { textContent: "Revert", title: "Remove the corrections", onclick: () => order("learn", { revert: true }) });
     this.back.title = "discards all estimates";
     this.gained = make("output", { className: "reading", id: "gained" });
     this.said = make("output", { className: "soft", id: "learnt-said" });
@@ -43,7 +43,7 @@ export class Learning {
     this.kind = select([...kinds, ...magnets], "scales");
     this.kind.id = "learnt-kind";
     this.kind.onchange = () => this.#again();
-    this.group = field("shown", this.kind);
+    this.group = field("Shown", this.kind);
     this.group.hidden = true;
     this.figures = make("div", { className: "scroll figures" });
     const left = make("figure");
@@ -82,7 +82,7 @@ export class Learning {
   status({ learn, refused }) {
     if (!learn) return;
     this.#now = learn;
-    this.button.textContent = learn.on ? "stop learning" : "learn from the motion";
+    this.button.textContent = learn.on ? "Stop learning" : "Learn from the motion";
     this.button.setAttribute("aria-pressed", String(learn.on));
     refuse(this.button, refused.learn || (learn.on ? "" : learn.refused));
     refuse(this.back, refused.learn);
@@ -127,7 +127,7 @@ export class Learning {
       head.style.color = colour(names.indexOf(name));
       return make("tr", {}, head, ...cells.map((text) => make("td", { textContent: text })));
     };
-    const heads = ["number", "learnt, two deviations", "applied", "stated, two deviations"];
+    const heads = ["Parameter", "Learnt, two deviations", "Applied", "Stated, two deviations"];
     return make(
       "table",
       { id: "learnt" },
@@ -148,9 +148,9 @@ export class Learning {
     this.errors.begin([...limits(times), ...limits([0], averages)]);
     this.legend.replaceChildren();
     for (const [n, method] of [...new Set(this.#laps.map((one) => one.method))].entries()) {
-      const name = make("b", { textContent: ` ● ${method} ` });
-      name.style.color = COLOURS[n];
-      this.legend.append(name);
+      const dot = make("i", { className: "dot" });
+      dot.style.background = COLOURS[n];
+      this.legend.append(make("b", {}, dot, ` ${method} `));
       const laps = this.#laps.filter((one) => one.method === method);
       for (const one of laps) this.errors.dot(one.tick / this.bench.rate, this.of.factor * one.average, COLOURS[n]);
     }

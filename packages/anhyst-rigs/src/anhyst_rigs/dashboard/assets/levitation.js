@@ -2,6 +2,7 @@
 
 import { Plane, limits } from "./canvas.js";
 import { make } from "./dom.js";
+import { words } from "./names.js";
 import { columnOf } from "./signals.js";
 import { fine, shown } from "./units.js";
 
@@ -29,7 +30,7 @@ export class LevitationView {
     const names = [
       [signal, "large"],
       ["reference", ""],
-      ["by the sensor", ""],
+      ["measured", ""],
       ["deviation", ""],
       ["phase", ""],
       ["standstill rms", "large"],
@@ -40,12 +41,13 @@ export class LevitationView {
       const value = make("dd", { className: size, textContent: "–" });
       value.dataset.name = name;
       this.fields.set(name, value);
-      grid.append(make("div", { className: size }, make("dt", { textContent: name }), value));
+      grid.append(make("div", { className: size }, make("dt", { textContent: words(name) }), value));
     }
     this.signal = signal;
     const figure = make("figure");
-    place.replaceChildren(make("div", { className: "stack" }, grid, figure));
-    this.plane = new Plane(figure, "t / s", `${signal} − reference / ${this.fine.name}`);
+    this.note = make("p", { className: "empty" });
+    place.replaceChildren(make("div", { className: "stack values" }, make("div", {}, grid, this.note), figure));
+    this.plane = new Plane(figure, "Time from now / ms", `${words(signal)} − reference / ${this.fine.name}`);
   }
 
   draw() {
@@ -57,7 +59,7 @@ export class LevitationView {
     const actual = last(columns.actual);
     this.#say(this.signal, actual, this.unit);
     this.#say("reference", last(columns.reference), this.unit);
-    this.#say("by the sensor", last(columns.read), this.unit);
+    this.#say("measured", last(columns.read), this.unit);
     const phase = bench.phases[last(columns.phase)] ?? "–";
     this.fields.get("phase").textContent = `${phase}, ${bench.states[last(columns.state)] ?? ""}`;
     this.#deviation(actual - last(columns.reference));
@@ -66,7 +68,7 @@ export class LevitationView {
   table() {
     const { times = [], errors = [] } = this.drawn ?? {};
     const name = `${this.signal}_deviation_${this.bench.aim.unit}`;
-    return { t_s: times, [name]: errors.map((one) => one / this.fine.factor) };
+    return { t_s: times.map((one) => one / 1e3), [name]: errors.map((one) => one / this.fine.factor) };
   }
 
   words() {
@@ -86,7 +88,7 @@ export class LevitationView {
     for (let row = first; row < store.count; row++) {
       const reference = store.value(columns.reference, row);
       if (reference !== wanted) stood = false;
-      times.push(store.tick(row) / bench.rate);
+      times.push((1e3 * (store.tick(row) - store.newest)) / bench.rate);
       errors.push((store.value(columns.actual, row) - reference) * factor);
     }
     this.drawn = { times, errors };
@@ -96,8 +98,9 @@ export class LevitationView {
     const rms = Math.sqrt(errors.reduce((sum, one) => sum + (one - mean) ** 2, 0) / errors.length);
     this.standstill = stood ? rms : null;
     const [low, high] = [Math.min(...errors), Math.max(...errors)];
-    this.#write("standstill rms", stood ? `${digits(rms)} ${name}` : "moves");
-    this.#write("peak to peak", stood ? `${digits(high - low)} ${name}` : "moves");
+    this.#write("standstill rms", stood ? `${digits(rms)} ${name}` : "–");
+    this.#write("peak to peak", stood ? `${digits(high - low)} ${name}` : "–");
+    this.note.textContent = stood ? "" : `The noise at standstill is measured while the reference is constant for ${1e3 * WINDOW_S} ms.`;
   }
 
   #say(field, value, { name, factor }) {

@@ -1,10 +1,11 @@
 // The loop view: force against current with the measured loops, or position against voltage. A second
 // plot shows the difference from the controller's demand, against the demand.
 
-import { Plane, limits } from "./canvas.js";
+import { Plane, atLeast, limits } from "./canvas.js";
 import { ink } from "./colours.js";
 import { field, make, select } from "./dom.js";
-import { columnOf } from "./signals.js";
+import { words } from "./names.js";
+import { columnOf, leastSpan } from "./signals.js";
 import { fine, seconds, shown } from "./units.js";
 
 const MAX_POINTS = 5000;
@@ -35,7 +36,7 @@ export class LoopView {
     this.note = make("output", { className: "reading" });
     const left = make("figure");
     const right = make("figure");
-    const bar = make("div", { className: "bar" }, field("of the last", this.windows), this.note);
+    const bar = make("div", { className: "bar" }, field("Of the last", this.windows), this.note);
     place.replaceChildren(bar, make("div", { className: "pair" }, left, right));
     this.gap = find("gap");
     this.legend = make("output", { className: "reading" });
@@ -43,11 +44,11 @@ export class LoopView {
     this.know(bench.loops);
     this.loop = new Plane(
       left,
-      magnet ? "current / A" : "voltage / V",
-      `${this.name} / ${this.shown.name}`,
+      magnet ? "Current / A" : "Voltage / V",
+      `${words(this.name)} / ${this.shown.name}`,
     );
-    const off = `${this.name} − demand / ${this.fine.name}`;
-    this.error = new Plane(right, `demand / ${this.shown.name}`, off);
+    const off = `${words(this.name)} − demand / ${this.fine.name}`;
+    this.error = new Plane(right, `Demand / ${this.shown.name}`, off);
   }
 
   // Stores the measured loops and those of the active model, which are drawn below the running loop.
@@ -93,8 +94,9 @@ export class LoopView {
     const { known } = this;
     const away = known.map((one) => (gap === null ? 0 : Math.abs(one.gap - gap)));
     const least = Math.min(...away);
-    const x = limits(currents, ...known.map((one) => one.current));
-    const y = limits(forces, ...known.map((one) => one.force));
+    const span = (column, factor) => leastSpan(this.bench, this.store, this.bench.signals[column].unit) * factor;
+    const x = atLeast(limits(currents, ...known.map((one) => one.current)), span(this.current, 1));
+    const y = atLeast(limits(forces, ...known.map((one) => one.force)), span(this.force, this.shown.factor));
     this.loop.begin([...x, ...y]);
     this.loop.backdrop(`${this.#version} ${away.indexOf(least)}`, () => {
       for (const one of ["measured", "model"]) {
@@ -126,5 +128,5 @@ function named(loops) {
   const gaps = [...new Set(loops.map((one) => one.gap))].filter((gap) => gap !== null);
   const at = gaps.length ? ` at ${gaps.map((gap) => Number((1e6 * gap).toPrecision(4))).join(", ")} µm` : "";
   const model = loops.some((one) => one.kind === "model") ? ", the model's green" : "";
-  return `grey: measured${at}${model}; nearest gap bold`;
+  return `Grey: measured${at}${model}; nearest gap bold`;
 }

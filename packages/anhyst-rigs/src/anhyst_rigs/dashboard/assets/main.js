@@ -2,28 +2,36 @@
 
 import { BodyView } from "./body.js";
 import { NAME as COMPENSATION } from "./compensation.js";
+import { Desks } from "./desks.js";
 import { download, keeping, make, refuse } from "./dom.js";
 import { Improve } from "./improve.js";
+import "./instruments.js";
 import { Learning } from "./learn.js";
 import { LevitationView } from "./levitation.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
+import { Notices } from "./notices.js";
 import { Panel } from "./panel.js";
+import { kinds } from "./panels.js";
 import { Parameters } from "./parameters.js";
 import { csv, picture } from "./picture.js";
 import { Scope } from "./scope.js";
 import { Sets } from "./sets.js";
-import { columnOf } from "./signals.js";
+import { SignalList } from "./signallist.js";
+import { columnOf, label } from "./signals.js";
+import "./slider.js";
 import { SpectrumView } from "./spectrum.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
+import { inWords } from "./verbs.js";
 
 const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning", "body"];
 const VIEW_KEYS = "1234567890"; // keys of the views
-const NOTICE_MS = 8000;
+const SOMETIMES = ["improve", "learning", "body"]; // views that exist only for some benches
 
 const at = (id) => document.getElementById(id);
 const kept = keeping(); // choices for this browser and any rig
+const notices = new Notices(at("notice"), at("log"));
 const link = new Link(askToken);
 let page = null; // views and their data; null until the bench is known
 let view = "scope";
@@ -31,34 +39,51 @@ let view = "scope";
 link.addEventListener("bench", (event) => open(event.detail));
 link.addEventListener("frame", (event) => feed(event.detail));
 link.addEventListener("status", (event) => status(event.detail));
+link.addEventListener("signals", (event) => page && adopt(event.detail.signals));
 link.addEventListener("parameters", (event) => page?.parameters.take(event.detail.parameters, event.detail.applied));
 link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
 link.addEventListener("learnt", (event) => (page?.learning ?? page?.improve)?.learnt(event.detail.laps));
 link.addEventListener("loops", (event) => page?.loop.know(event.detail.loops));
 link.addEventListener("lost", (event) => lost(event.detail));
 
-// Sends an order and returns its answer. If the order is refused, shows the reason and returns null.
-async function order(what, fields) {
+// Sends an order and returns its answer. If the order is refused, shows the reason, at its control if the control
+// passes `show`, and returns null.
+async function order(what, fields, show = notify) {
   try {
     return await link.order(what, fields);
   } catch (refused) {
-    notify(refused.message);
+    show(refused.message);
+    if (show !== notify) record(refused.message);
     return null;
   }
 }
 
+// Shows a message that the user can dismiss, and writes it into the log.
+function notify(text) {
+  notices.show(text);
+  record(text);
+}
+
+function record(text) {
+  if (page) notices.write(text, "this page", page.store.newest, page.bench.rate, true);
+}
+
 function open(bench) {
   bench.choices = keeping(bench.title);
+  const lastView = bench.choices.get("view", "scope");
+  label(bench);
+  notices.clear();
   const store = new Store(bench.signals.length, bench.every);
   const parameters = new Parameters(at("parameters"), order, bench.choices);
   parameters.take(bench.parameters, 0);
+  const scope = new Scope({ view: at("scope"), bar: at("timebar"), figures: at("figures") }, bench, store, notify);
   const both = bench.learns && bench.limits; // the learning view is separate only if there is also an improve view
   page = {
     bench,
     store,
     parameters,
+    scope,
     sets: new Sets(at("parameters"), parameters, order),
-    scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
     improve:
@@ -71,17 +96,61 @@ function open(bench) {
     body: bench.body ? new BodyView(at("body"), bench, store) : null,
     panel: new Panel(at("panel"), bench, order, parameters),
   };
-  for (const tab of at("tabs").children) tab.hidden = !offered(tab.dataset.view);
+  page.layouts = new Map([[bench.signals.length, bench.signals.map((one) => one.name)]]);
+  const context = { bench, store, scope, parameters, order, notify };
+  page.fixed = new Map(kinds().filter((kind) => kind.fixed).map((kind) => [kind.kind, fixedPanel(kind, context)]));
+  tabs();
+  page.list = new SignalList(at("signals"), bench, store, order, () => shownDesk()?.plot() ?? scope.plot);
+  page.desks = new Desks(at("desks"), at("desktabs"), context, (n) => choose(n === null ? view : `desk ${n}`));
   at("title").textContent = bench.title;
   document.title = `${bench.title} – anhyst live`;
-  at("log").replaceChildren(make("ol"));
   document.body.classList.remove("lost");
   window.anhyst = page;
-  choose(bench.choices.get("view", "scope"));
+  choose(lastView);
 }
+
+// Makes a view of a panel that has a fixed tab.
+function fixedPanel(kind, context) {
+  const { choices } = context.bench;
+  const panel = kind.make(context, choices.get(kind.kind, {}), (settings) => choices.set(kind.kind, settings));
+  const place = at(kind.kind) ?? at("desks").insertAdjacentElement("beforebegin", make("div", { id: kind.kind, className: "view" }));
+  place.replaceChildren(...(panel.tools ? [make("div", { className: "bar" }, ...panel.tools)] : []), panel.element);
+  return panel;
+}
+
+// Adopts the signals of the bench after a derived signal was defined or deleted.
+function adopt(signals) {
+  const { bench, store, scope, list } = page;
+  const old = bench.signals;
+  bench.signals = signals;
+  label(bench);
+  page.layouts.set(signals.length, signals.map((one) => one.name));
+  bench.choices.set("derived", signals.filter((one) => one.expression).map(({ name, expression, unit }) => ({ name, expression, unit })));
+  store.arrange(signals.map((one) => old.findIndex(({ name }) => name === one.name)));
+  scope.rebuild();
+  list.build();
+}
+
+// Defines the derived signals of this rig again that the browser has stored, once per connection.
+async function restoreDerived() {
+  if (page.restored) return;
+  page.restored = true;
+  const { bench } = page;
+  for (const derived of bench.choices.get("derived", []))
+    if (columnOf(bench, derived.name) < 0) await order("derive", derived);
+}
+
+const shownDesk = () => (view.startsWith("desk ") ? page?.desks?.desks[Number(view.slice(5))] : null);
+const shownView = () => shownDesk() ?? page?.fixed.get(view) ?? page?.[view];
 
 function feed(frame) {
   if (!page) return;
+  const { signals } = page.bench;
+  if (frame.data.length !== signals.length) {
+    // The frame was sent before a derived signal was defined or deleted, so it has the columns of that time.
+    const columns = page.layouts.get(frame.data.length) ?? [];
+    frame.data = signals.map(({ name, expression }, n) => frame.data[columns.indexOf(name)] ?? (expression ? undefined : frame.data[n]));
+  }
   page.store.push(frame);
   page.scope.feed(frame);
   page.steps.feed(frame);
@@ -98,24 +167,27 @@ function status(now) {
   at("state").textContent = state;
   at("state").dataset.state = state;
   at("fault").textContent = now.fault ? bench.faults[now.fault] : "";
-  at("next").textContent = now.next;
+  at("next").textContent = inWords(now.next);
   facts({
-    time: `${(now.tick / bench.rate).toFixed(2)} s`,
-    "real time": now.paused ? "paused" : `× ${now.factor.toFixed(2)}`,
+    Time: `${(now.tick / bench.rate).toFixed(2)} s`,
+    "Real time": now.paused ? "paused" : `× ${now.factor.toFixed(2)}`,
     ...(bench.keeps_time
-      ? { "missing ticks": String(now.missing) }
-      : { "late at most": `${(1e3 * now.lateness).toFixed(1)} ms`, slips: String(now.slips) }),
-    recorded: recorded(now.recording),
+      ? { "Missing ticks": String(now.missing) }
+      : { "Late at most": `${(1e3 * now.lateness).toFixed(1)} ms`, Slips: String(now.slips) }),
+    Recorded: recorded(now.recording),
   });
   page.parameters.status(now);
   page.improve?.status(now);
   page.learning?.status(now);
   page.sets.status(now);
+  for (const panel of page.fixed.values()) panel.status?.(now);
+  shownDesk()?.status(now);
   role(now);
-  for (const entry of now.log) write(entry);
-  if (now.ended) notify(now.ended);
-  else if (now.lost) notify(`${now.lost}; looking for it`);
-  else if (now.waits_for) notify(`the bench waits for ${now.waits_for}`);
+  if (!now.refused.derive) restoreDerived();
+  for (const { tick, who, text } of now.log) notices.write(text, who, tick, bench.rate);
+  if (now.ended) notices.show(now.ended, true);
+  else if (now.lost) notices.show(`${now.lost}; looking for it`, true);
+  else if (now.waits_for) notices.show(`the bench waits for ${now.waits_for}`);
 }
 
 function recorded(file) {
@@ -138,38 +210,23 @@ function role({ operator, asking, browsers }) {
   if (at("role").dataset.key === key) return;
   at("role").dataset.key = key;
   const parts = [
-    make("b", { textContent: mine ? "you operate" : `browser ${operator} operates, you watch` }),
+    make("b", { textContent: mine ? "You operate" : `Browser ${operator} operates, you watch` }),
   ];
   if (browsers > 1) parts.push(` (${browsers} browsers) `);
   const button = (text, act) => parts.push(make("button", { textContent: text, onclick: act }));
-  if (!mine && !asking) button("take over", () => order("ask"));
+  if (!mine && !asking) button("Take over", () => order("ask"));
   if (!mine && asking === page.bench.you) parts.push(" asked; waits 10 s at most");
   if (mine && asking) {
-    button(`hand over to browser ${asking}`, () => order("hand over", { yes: true }));
-    button("keep", () => order("hand over", { yes: false }));
+    button(`Hand over to browser ${asking}`, () => order("hand over", { yes: true }));
+    button("Keep", () => order("hand over", { yes: false }));
   }
   at("role").replaceChildren(...parts);
-}
-
-function write({ tick, who, text }) {
-  const time = `${(tick / page.bench.rate).toFixed(3)} s, tick ${tick}`;
-  at("log").firstChild.prepend(
-    make("li", {}, make("b", { textContent: text }), ` ${time}, ${who}`),
-  );
-}
-
-let forget = 0;
-function notify(text) {
-  at("notice").textContent = text;
-  at("notice").hidden = false;
-  clearTimeout(forget);
-  forget = setTimeout(() => (at("notice").hidden = true), NOTICE_MS);
 }
 
 function lost(reason) {
   document.body.classList.add("lost");
   at("state").textContent = "not connected";
-  notify(`not connected${reason ? `: ${reason}` : ""}; trying again`);
+  notices.show(`not connected${reason ? `: ${reason}` : ""}; trying again`, true);
 }
 
 function askToken() {
@@ -181,28 +238,41 @@ function askToken() {
   });
 }
 
-// Whether the bench has a view; some views exist only for some benches.
-const offered = (name) => !["improve", "learning", "body"].includes(name) || Boolean(page?.[name]);
+// Whether the bench has a view.
+function offered(name) {
+  if (name.startsWith("desk ")) return Boolean(page?.desks?.desks[Number(name.slice(5))]);
+  return page?.fixed.has(name) || (VIEWS.includes(name) && (!SOMETIMES.includes(name) || Boolean(page?.[name])));
+}
 
 function choose(wanted) {
   const name = [wanted, wanted === "learning" ? "improve" : "scope", "scope"].find(offered);
+  if (!name) return;
   view = name;
-  page?.bench.choices.set("view", name);
-  const none = page?.[name]?.table ? "" : "this view has no data yet";
+  page.bench.choices.set("view", name);
+  const desk = shownDesk();
+  if (desk) page.desks.current = Number(name.slice(5));
+  const none = shownView()?.table ? "" : "this view has no data yet";
   for (const button of [at("png"), at("csv")]) refuse(button, none);
-  for (const one of VIEWS) at(one).hidden = one !== name;
-  for (const tab of at("tabs").children)
+  const place = desk ? "desks" : name;
+  for (const one of at("sections").children) one.hidden = one.id !== place;
+  for (const one of page.desks?.desks ?? []) one.element.hidden = one !== desk;
+  const timed = desk || name === "scope";
+  for (const id of ["timebar", "signals", "figures"]) at(id).hidden = !timed;
+  for (const tab of document.querySelectorAll("[role=tab]")) {
     tab.setAttribute("aria-selected", tab.dataset.view === name);
+    tab.tabIndex = tab.dataset.view === name ? 0 : -1;
+  }
 }
 
 // Saves the open view as a file: a picture, or its values as CSV.
 async function save(kind) {
   const { bench, store } = page;
-  const shown = page[view];
-  const name = `${bench.title.replace(/\W+/g, "-")}-${view}-${store.newest}.${kind}`;
+  const shown = shownView();
+  const desk = shownDesk();
+  const name = `${bench.title.replace(/\W+/g, "-")}-${view.replace(" ", "-")}-${store.newest}.${kind}`;
   if (kind === "csv") return download(name, new Blob([csv(shown.table())], { type: "text/csv" }));
-  const title = `${bench.title}, ${view}, tick ${store.newest}`;
-  return download(name, await picture(at(view), [[[title]], ...shown.words()]));
+  const title = `${bench.title}, ${desk?.layout.name ?? view}, tick ${store.newest}`;
+  return download(name, await picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]));
 }
 
 function theme(name) {
@@ -234,33 +304,50 @@ document.addEventListener(
     if (event.target.matches("input, select") || event.ctrlKey || event.altKey || event.metaKey)
       return;
     const keyed = VIEWS[VIEW_KEYS.indexOf(event.key)];
-    const act = KEYS[event.key.toLowerCase()] ?? (keyed && (() => choose(keyed)));
+    const act = KEYS[event.key.toLowerCase()] ?? (keyed && (() => page && choose(keyed)));
     if (act) {
       event.preventDefault();
       act();
-    }
+    } else if (event.target.role === "tab") turnTab(event);
   },
   true,
 );
 
+// Moves from tab to tab with the arrow keys.
+function turnTab(event) {
+  const way = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (!way) return;
+  const all = [...document.querySelectorAll("[role=tab]")].filter((tab) => !tab.hidden);
+  const next = all[(all.indexOf(event.target) + way + all.length) % all.length];
+  const { view: wanted } = next.dataset;
+  choose(wanted);
+  document.querySelector(`[role=tab][data-view="${wanted}"]`).focus();
+}
+
 function draw() {
-  if (page?.[view]?.draw) page[view].draw();
+  shownView()?.draw?.();
+  if (!at("signals").hidden) page?.list?.draw();
   requestAnimationFrame(draw);
 }
 
-for (const [n, name] of VIEWS.entries()) {
-  const tab = make("button", {
-    textContent: `${VIEW_KEYS[n]} ${name}`,
-    role: "tab",
-    onclick: () => choose(name),
-  });
-  tab.dataset.view = name;
-  at("tabs").append(tab);
+// Lists the tabs of the views that the bench has.
+function tabs() {
+  const tab = (name, text) => {
+    const button = make("button", { textContent: text, role: "tab", onclick: () => choose(name) });
+    button.dataset.view = name;
+    return button;
+  };
+  const word = (name) => name.charAt(0).toUpperCase() + name.slice(1);
+  const fixed = kinds().filter((kind) => kind.fixed);
+  at("tabs").replaceChildren(
+    ...VIEWS.filter(offered).map((name) => tab(name, `${VIEW_KEYS[VIEWS.indexOf(name)]} ${word(name)}`)),
+    ...fixed.map(({ kind, title }) => tab(kind, title)),
+  );
 }
+
 at("png").onclick = () => save("png");
 at("csv").onclick = () => save("csv");
 at("theme").onclick = turnTheme;
 at("stop").onclick = stop;
 theme(kept.get("theme", matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
-choose("scope");
 draw();

@@ -1,9 +1,11 @@
-// Controls: commands, target, generator, load drive or armature, speed.
+// Controls: states and commands, target, recorder, generator, load drive or armature, speed.
 
 import { NAME as COMPENSATION, compensationSwitch } from "./compensation.js";
 import { field, make, refuse, select } from "./dom.js";
 import { GeneratorPanel } from "./generator.js";
+import { Quantity } from "./quantity.js";
 import { RecorderPanel } from "./recorder.js";
+import { StateBar } from "./statebar.js";
 import { show, shown, usual } from "./units.js";
 
 const SPEEDS = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
@@ -14,97 +16,74 @@ export class Panel {
     this.bench = bench;
     this.order = order;
     this.unit = bench.aim.unit;
-    this.shown = shown(this.unit);
     this.gap = bench.parameters.find((one) => one.name === "gap");
     this.pushes = bench.parameters.filter((one) => one.name.startsWith("push_"));
+    this.states = new StateBar(bench, order);
+    const recorder = this.#group("Recorder", "record");
     const generator = this.#group("Generator", "generator");
+    this.recorder = new RecorderPanel(recorder, bench, order);
     this.generator = new GeneratorPanel(generator, bench, order);
     place.replaceChildren(
-      this.#group("Commands", "", this.#commands()),
+      this.#group("State", "", this.states.element),
       this.#group("Target", "target", ...this.#target()),
       ...(parameters.value(COMPENSATION) === undefined
         ? []
         : [this.#group("Compensation", "apply", compensationSwitch(parameters))]),
+      recorder,
       generator,
       ...(bench.load_most ? [this.#group("Load drive", "load", ...this.#load())] : []),
       ...(this.pushes.length ? [this.#group("Push", "apply", ...this.#push())] : []),
       ...(this.gap ? [this.#group("Armature", "apply", ...this.#armature())] : []),
       ...(bench.keeps_time ? [] : [this.#group("Time", "pace", ...this.#time())]),
     );
-    const recorder = this.#group("Recorder", "record");
-    this.recorder = new RecorderPanel(recorder, bench, order);
-    place.append(recorder);
-    this.senders = [...place.querySelectorAll("button, [type=range], #speed")];
+    const senders = place.querySelectorAll("fieldset:not([data-order='']) :is(button, [type=range], #speed)");
+    this.senders = [...senders];
   }
 
-  // Returns a group of controls. The group names the order that they send; a command button names its command.
+  // Returns a group of controls, which names the order that they send.
   #group(title, order, ...children) {
     const group = make("fieldset", {}, make("legend", { textContent: title }), ...children);
     group.dataset.order = order;
     return group;
   }
 
-  #commands() {
-    const row = make("div", { className: "commands" });
-    for (const name of this.bench.commands) {
-      const button = make("button", { textContent: name });
-      button.onclick = () => this.order("command", { name });
-      button.dataset.order = name;
-      row.append(button);
-    }
-    return row;
-  }
-
-  #number(id, value, unit) {
-    const input = make("input", { type: "number", step: "any", id, value, className: "number" });
-    input.setAttribute("aria-label", id);
-    return [input, make("span", { className: "unit", textContent: unit })];
-  }
-
   #target() {
-    const [value, unit] = this.#number("target", "", this.shown.name);
-    const [height, heightUnit] = this.#number(
-      "step",
-      this.bench.choices.get("step", usual(this.bench.aim, 0.1)),
-      this.shown.name,
-    );
-    const go = () => this.order("target", { value: Number(value.value) / this.shown.factor });
-    this.target = value;
+    const { aim } = this.bench;
+    const go = () => this.target.check() && this.order("target", { value: this.target.value });
+    this.target = new Quantity({ ...aim, id: "target", label: "target", value: undefined }, undefined, go);
+    const range = aim.high - aim.low;
+    const height = this.bench.choices.get("step SI", usual(aim, 0.1) / shown(aim.unit).factor);
+    this.step = new Quantity({ unit: aim.unit, low: -range, high: range, id: "step", label: "height of a step", value: height });
     const step = (way) => {
-      this.bench.choices.set("step", Number(height.value));
-      value.value = Number((Number(value.value) + way * Number(height.value)).toPrecision(10));
+      if (this.step.value === null || this.target.value === null) return;
+      this.bench.choices.set("step SI", this.step.value);
+      this.target.set(this.target.value + way * this.step.value);
       go();
     };
-    value.onkeydown = (event) => event.key === "Enter" && go();
     this.targetNow = make("output", { className: "reading" });
-    const { low, high } = this.bench.aim;
-    value.title = `${show(low, this.unit)} to ${show(high, this.unit)}`;
+    const button = (id, textContent, title, onclick) => make("button", { id, textContent, title, onclick });
+    const line = (...children) => make("div", { className: "line" }, ...children);
+    this.go = button("go", "Set", "Set this target (Enter)", go);
     return [
-      make(
-        "div",
-        { className: "line" },
-        value,
-        unit,
-        make("button", { textContent: "go", id: "go", onclick: go }),
-        this.targetNow,
+      line(...this.target.elements, this.go, this.targetNow),
+      this.target.message,
+      this.target.slider(),
+      line(
+        button("step-down", "− Step", "Lower the target by this height", () => step(-1)),
+        button("step-up", "+ Step", "Raise the target by this height", () => step(1)),
+        ...this.step.elements,
       ),
-      make(
-        "div",
-        { className: "line" },
-        make("button", { textContent: "− step", id: "step-down", onclick: () => step(-1) }),
-        make("button", { textContent: "+ step", id: "step-up", onclick: () => step(1) }),
-        height,
-        heightUnit,
-      ),
+      this.step.message,
     ];
   }
 
   #load() {
     const most = this.bench.load_most;
-    const order = (value) => this.order("load", { value });
-    this.load = this.#slider({ id: "load", min: -most, max: most, step: 1, value: 0 }, order);
+    this.load = this.#quantity({ id: "load", label: "load force", unit: "N", low: -most, high: most, value: 0 }, (value) =>
+      this.order("load", { value }),
+    );
     this.loadNow = make("output", { className: "reading" });
-    return [make("div", { className: "line" }, this.load), this.loadNow];
+    return [...this.load.lines, this.loadNow];
   }
 
   // Returns controls for a push by the magnets along one coordinate; it is zero along the others.
@@ -118,21 +97,29 @@ export class Panel {
       now.textContent = show(part * high, unit, 3);
       this.order("apply", { values: { ...Object.fromEntries(names.map((one) => [one, 0])), [name]: part * high } });
     };
-    const slider = this.#slider({ id: "push", min: -1, max: 1, step: 0.05, value: 0 }, order);
+    const slider = this.#slider({ id: "push", min: -1, max: 1, step: 0.05, value: 0, ariaLabel: "push" }, order);
     axis.onchange = () => slider.oninput();
     return [make("div", { className: "line" }, axis, now), make("div", { className: "line" }, slider)];
   }
 
   #armature() {
-    const { low, high, value } = this.gap;
-    const factor = shown("m").factor;
-    const order = (micrometres) => this.order("apply", { values: { gap: micrometres / factor } });
-    this.place = this.#slider(
-      { id: "gap", min: low * factor, max: high * factor, step: 1, value: value * factor },
-      order,
-    );
+    const order = (gap) => this.order("apply", { values: { gap } });
+    this.place = this.#quantity({ ...this.gap, id: "gap", label: "gap of the armature" }, order);
     this.gapNow = make("output", { className: "reading" });
-    return [make("div", { className: "line" }, this.place), this.gapNow];
+    return [...this.place.lines, this.gapNow];
+  }
+
+  // Returns a field with a slider that sends its order when it has not moved for SLIDER_MS.
+  #quantity(spec, order) {
+    let due = 0;
+    const later = () => {
+      clearTimeout(due);
+      due = setTimeout(() => order(quantity.value), SLIDER_MS);
+    };
+    const quantity = new Quantity(spec, later, order);
+    const slider = quantity.slider();
+    slider.id = `${spec.id}-slider`;
+    return Object.assign(quantity, { lines: [make("div", { className: "line" }, ...quantity.elements), quantity.message, slider] });
   }
 
   // Returns a slider that sends its order when it has not moved for SLIDER_MS.
@@ -153,33 +140,50 @@ export class Panel {
     );
     speed.id = "speed";
     speed.onchange = () => this.order("pace", { speed: Number(speed.value) });
-    this.pause = make("button", { textContent: "pause bench", id: "pause" });
+    this.pause = make("button", { textContent: "Pause", id: "pause", title: "Pause the time of the rig" });
     this.pause.onclick = () => this.order("pace", { paused: !this.paused });
-    const single = make("button", { textContent: "1 tick", id: "single" });
+    const single = make("button", { textContent: "1 tick", id: "single", title: "Pause, and advance by one tick" });
     single.onclick = () => this.order("pace", { paused: true, steps: 1 });
     this.speed = speed;
-    return [make("div", { className: "line" }, field("speed", speed), this.pause, single)];
+    return [make("div", { className: "line" }, field("Speed", speed), this.pause, single)];
   }
 
   // Shows the status of the bench; a field that is being edited is not changed.
   status(status, values) {
     for (const one of this.senders)
       refuse(one, status.refused[one.closest("[data-order]").dataset.order]);
+    this.states.status(status);
+    this.go.classList.toggle("primary", this.bench.states[status.state] === "run");
     this.recorder.status(status);
     this.generator.status(status);
-    const { target } = status;
-    this.targetNow.textContent = `now ${show(target, this.unit)}`;
-    if (this.target.value === "" && target !== null)
-      this.target.value = Number((target * this.shown.factor).toPrecision(6));
+    this.#showTarget(status.target);
     if (this.load) {
       const load = status.load ?? values.load;
       this.loadNow.textContent = `commanded ${show(load, "N")}`;
-      if (document.activeElement !== this.load && load !== undefined) this.load.value = load;
+      if (load !== undefined) this.#follow(this.load, load);
     }
     if (this.gap) this.gapNow.textContent = `gap ${show(values.gap, "m", 4)}`;
     if (this.bench.keeps_time) return;
     this.paused = status.paused;
-    this.pause.textContent = status.paused ? "go on" : "pause bench";
+    this.pause.textContent = status.paused ? "Continue" : "Pause";
     if (document.activeElement !== this.speed) this.speed.value = String(status.speed);
+  }
+
+  // Shows the present target, and proposes a target that the controller accepts until the user edits the field.
+  #showTarget(target) {
+    this.targetNow.textContent = `now ${show(target, this.unit)}`;
+    if (this.target.input.value !== "" || target === null) return;
+    const { aim } = this.bench;
+    const accepted = target >= aim.low && target <= aim.high && target !== 0;
+    this.target.set(accepted || aim.low < 0 ? target : aim.low + usual(aim, 0.25) / shown(aim.unit).factor);
+    this.target.follow();
+  }
+
+  // Moves a field and its slider to a value that another browser has set, unless the user is editing them.
+  #follow(quantity, value) {
+    const [first, , slider] = quantity.lines;
+    if (first.contains(document.activeElement) || document.activeElement === slider || quantity.value === value) return;
+    quantity.set(value);
+    quantity.follow();
   }
 }

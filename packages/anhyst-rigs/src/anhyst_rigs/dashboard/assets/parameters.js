@@ -1,11 +1,13 @@
 // Parameters as a tree: edited values are staged, applied together, confirmed by a tick.
 
 import { make, refuse } from "./dom.js";
+import { describe, sign, words } from "./names.js";
+import { Quantity, unitFor } from "./quantity.js";
 
 export class Parameters extends EventTarget {
   #staged = new Map();
   #before = null; // active values before the last change
-  #inputs = new Map();
+  #fields = new Map(); // fields of the values by parameter
   #first = null; // active values when the page was opened
   #eras = []; // active values in words, with the first tick of each
   #last = Promise.resolve(); // last request; each waits for the previous one, so that it uses the active values
@@ -19,9 +21,10 @@ export class Parameters extends EventTarget {
     this.closed = new Set(choices.get("closed", []));
     this.confirmed = make("output", { className: "reading", id: "confirmed" });
     this.applyButton = make("button", { id: "apply", onclick: () => this.apply() });
-    this.discardButton = make("button", { textContent: "discard", onclick: () => this.discard() });
+    this.discardButton = make("button", { textContent: "Discard", title: "Forget the staged values", onclick: () => this.discard() });
     this.backButton = make("button", {
-      textContent: "roll back (B)",
+      textContent: "Roll back (B)",
+      title: "Restore the values before the last change",
       onclick: () => this.rollBack(),
     });
     const bar = make(
@@ -46,7 +49,7 @@ export class Parameters extends EventTarget {
 
   show() {
     const { parameters } = this;
-    this.#inputs.clear();
+    this.#fields.clear();
     const groups = Map.groupBy
       ? Map.groupBy(parameters, group)
       : parameters.reduce(
@@ -56,7 +59,7 @@ export class Parameters extends EventTarget {
     const branches = [...groups].map(([name, members]) => this.#branch(name, members));
     this.tree.replaceChildren(...branches);
     if (!parameters.length)
-      this.tree.textContent = "this bench has no parameters that can be changed while it runs";
+      this.tree.replaceChildren(make("p", { className: "empty", textContent: "This rig has no parameters that can be changed while it runs." }));
     this.#refresh();
     this.dispatchEvent(new Event("shown"));
   }
@@ -79,43 +82,42 @@ export class Parameters extends EventTarget {
   }
 
   #row(one) {
-    const input = make("input", {
-      type: "number",
-      step: "any",
-      value: this.#staged.get(one.name) ?? short(one.value),
-      className: "number",
-    });
-    input.setAttribute("aria-label", one.name);
-    input.oninput = () => this.#stage(one, Number(input.value));
-    input.onkeydown = (event) =>
-      event.key === "Enter" && event.ctrlKey && (input.oninput(), this.apply());
-    this.#inputs.set(one.name, input);
-    const range = `${short(one.low)} to ${short(one.high)} ${one.unit}`;
+    const { label, symbol } = describe(one);
+    const spec = { ...one, label, value: this.#staged.get(one.name) ?? one.value };
+    const field = new Quantity(spec, (value) => this.#stage(one, value));
+    field.input.addEventListener("input", () => this.#refresh());
+    field.input.addEventListener("keydown", (event) => event.key === "Enter" && event.ctrlKey && this.apply());
+    this.#fields.set(one.name, field);
+    const name = make("th", { scope: "row", title: `${one.name}: ${one.doc}` }, label, sign(symbol));
+    const cells = [field.slider(), make("div", {}, ...field.elements, field.message)];
     return make(
       "tr",
       {},
-      make("th", { textContent: one.name, scope: "row" }),
-      make("td", {}, input),
-      make("td", { textContent: `now ${short(one.value)} ${one.unit}` }),
-      make("td", { className: "soft", textContent: range }),
+      name,
+      ...cells.map((cell) => make("td", {}, cell)),
+      make("td", { textContent: `now ${shownValue(one)}` }),
+      make("td", { className: "soft", textContent: field.range() }),
       make("td", { className: "soft", textContent: one.doc }),
     );
   }
 
   #stage(one, value) {
-    if (value === one.value) this.#staged.delete(one.name);
+    const same = Math.abs(value - one.value) <= 1e-6 * Math.abs(one.value);
+    if (same) this.#staged.delete(one.name);
     else this.#staged.set(one.name, value);
     this.#refresh();
   }
 
   #refresh() {
     const count = this.#staged.size;
-    this.applyButton.textContent = count ? `apply ${count} staged (Ctrl+Enter)` : "nothing staged";
+    this.applyButton.textContent = count ? `Apply ${count} staged (Ctrl+Enter)` : "Nothing staged";
+    this.applyButton.classList.toggle("primary", count > 0);
     const nothing = count ? "" : "nothing is staged";
-    refuse(this.applyButton, this.#refused || nothing);
+    const wrong = [...this.#fields.values()].find((field) => !field.message.hidden);
+    refuse(this.applyButton, this.#refused || (wrong ? `${wrong.spec.label}: ${wrong.message.textContent}` : nothing));
     refuse(this.discardButton, nothing);
     refuse(this.backButton, this.#refused || (this.#before ? "" : "no change was applied yet"));
-    for (const [name, input] of this.#inputs)
+    for (const [name, { input }] of this.#fields)
       input.classList.toggle("staged", this.#staged.has(name));
   }
 
@@ -174,7 +176,7 @@ export class Parameters extends EventTarget {
     if (!answer) return;
     this.#before = Object.fromEntries(old);
     for (const name of Object.keys(values)) this.#staged.delete(name);
-    this.confirmed.textContent = `in force from tick ${answer.applied} on`;
+    this.confirmed.textContent = `Active from tick ${answer.applied} on`;
     this.take(answer.parameters, answer.applied);
   }
 
@@ -185,20 +187,21 @@ export class Parameters extends EventTarget {
 
   #words() {
     const on = this.value("compensation");
-    const words = on === undefined ? [] : [on === 0 ? "without compensation" : "with compensation"];
+    const texts = on === undefined ? [] : [on === 0 ? "without compensation" : "with compensation"];
     for (const one of this.parameters) {
       const share = one.value / this.#first.get(one.name);
       if (one.name.startsWith("gain_") && Math.abs(share - 1) > 1e-6)
-        words.push(`${one.name} × ${Number(share.toPrecision(3))}`);
+        texts.push(`${describe(one).label} × ${Number(share.toPrecision(3))}`);
     }
-    return words.join(", ") || "as compiled";
+    return texts.join(", ") || "as compiled";
   }
 }
 
 function group(one) {
-  return one.name.split(/[._]/)[0];
+  return words(one.name.split(/[._]/)[0]);
 }
 
-function short(value) {
-  return String(Number(value.toPrecision(6)));
+function shownValue(one) {
+  const { name, factor } = unitFor(one);
+  return `${Number((one.value * factor).toPrecision(5))}${name && ` ${name}`}`;
 }

@@ -1,5 +1,7 @@
 // Draws traces pixel by pixel. This is ten times faster than thousands of short strokes of a canvas.
 
+const MIN_STEEP_PX = 4; // smallest height of a column that is drawn without dashes, pixels
+
 export class Raster {
   canvas = document.createElement("canvas");
   #context = this.canvas.getContext("2d");
@@ -21,9 +23,10 @@ export class Raster {
   }
 
   // Draws a line through points: x = a[0] * value + a[1] from the left, y = b[0] * value + b[1] from
-  // the top, in pixels. The line is interrupted at values that are NaN.
-  line(xs, ys, a, b, colour, thickness) {
-    const paint = word(colour);
+  // the top, in pixels. The line is interrupted at values that are NaN. Dashes: [period, drawn part], pixels.
+  line(xs, ys, a, b, { colour, dash, alpha }, thickness) {
+    const paint = word(colour, alpha);
+    this.dash = dash;
     let left = NaN;
     let before = NaN;
     for (let i = 0; i < xs.length; i++) {
@@ -61,6 +64,8 @@ export class Raster {
   #column(x, top, bottom, paint, thickness) {
     const width = this.#width;
     if (x < 0 || x >= width) return;
+    // Steep parts have no dashes, so that no spike is lost.
+    if (this.dash && bottom - top < MIN_STEEP_PX && x % this.dash[0] >= this.dash[1]) return;
     const first = Math.max(0, Math.round(top - 0.5 * thickness));
     const last = Math.min(this.#height, Math.max(first + thickness, Math.round(bottom + 0.5 * thickness)));
     const pixels = this.#pixels;
@@ -68,9 +73,9 @@ export class Raster {
   }
 }
 
-// Returns the 32-bit word of an opaque pixel with the colour #rrggbb; bytes are in the order RGBA.
-function word(colour) {
+// Returns the 32-bit word of a pixel with the colour #rrggbb; bytes are in the order RGBA.
+function word(colour, alpha) {
   const rgb = Number.parseInt(colour.slice(1), 16);
-  const bytes = new Uint8Array([rgb >> 16, (rgb >> 8) & 255, rgb & 255, 255]);
+  const bytes = new Uint8Array([rgb >> 16, (rgb >> 8) & 255, rgb & 255, Math.round(255 * alpha)]);
   return new Uint32Array(bytes.buffer)[0];
 }

@@ -8,7 +8,7 @@ const KINDS = [
   [".csv", "CSV"],
 ];
 const EDGES = [
-  ["", "at once"],
+  ["", "immediately"],
   ["rising", "↗"],
   ["falling", "↘"],
 ];
@@ -32,30 +32,39 @@ export class RecorderPanel {
     this.edge = select(EDGES, "");
     this.edge.id = "record-edge";
     this.signal = select(
-      bench.signals.map((one) => [one.name, one.name]),
-      "force",
+      bench.signals.map((one) => [one.name, one.label]),
+      bench.aim.signal,
     );
     this.signal.id = "record-signal";
+    this.signal.ariaLabel = "signal of the start";
+    this.kind.ariaLabel = "format of the file";
+    this.edge.ariaLabel = "start of the recording";
     this.level = number("record-level", 0, "level of the trigger");
     this.unit = make("span", { className: "unit" });
     this.crossing = make("div", { className: "line" }, this.signal, this.level, this.unit);
     this.edge.onchange = this.signal.onchange = () => this.#refresh();
-    const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
+    const button = (id, textContent, title, onclick) => make("button", { id, textContent, title, onclick });
     this.now = make("output", { className: "reading", id: "recorded" });
     const line = (...children) => make("div", { className: "line" }, ...children);
-    place.append(
-      line(this.name, this.kind),
+    const options = make(
+      "details",
+      {},
+      make("summary", { textContent: "Start and end" }),
       line(field("from", this.before, "s before"), this.edge),
       this.crossing,
       line(field("lasts", this.lasts, "s")),
+    );
+    place.append(
+      line(this.name, this.kind),
+      options,
       line(
-        button("record", "record", () => this.start()),
-        button("record-stop", "stop recording", () => order("record", { file: null })),
+        (this.startButton = button("record", "Record", "Write every tick to a new file", () => this.start())),
+        (this.stopButton = button("record-stop", "Stop recording", "End the recording", () => order("record", { file: null }))),
+        button("keep", `Keep last ${bench.kept} s`, `Write the last ${bench.kept} s to a new file`, () => this.keep()),
       ),
-      line(button("keep", `keep the last ${bench.kept} s`, () => this.keep())),
       this.now,
     );
-    place.title = `written to ${bench.folder}`;
+    this.now.title = `written to ${bench.folder}`;
     this.#refresh();
   }
 
@@ -93,9 +102,11 @@ export class RecorderPanel {
   }
 
   status({ recording }) {
+    this.startButton.hidden = Boolean(recording);
+    this.stopButton.hidden = !recording;
     this.now.textContent = recording
       ? `${recording.file}: ${recording.waits ? "waits for the trigger" : `${recording.rows} ticks`}`
-      : "nothing is written";
+      : "Nothing is recorded.";
   }
 }
 

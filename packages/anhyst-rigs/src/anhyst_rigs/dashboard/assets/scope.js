@@ -1,12 +1,14 @@
-// The scope view: selected signals over time, one strip per unit, with hold, zoom, trigger and cursors.
+// The time of all time plots: window, hold, zoom, trigger, cursors and overlaid recordings; and the scope view.
 
-import { COLOURS, ink } from "./colours.js";
+import { ink } from "./colours.js";
 import { Cursors } from "./cursors.js";
 import { field, make, select } from "./dom.js";
+import { Overlay } from "./overlay.js";
 import { columnOf } from "./signals.js";
-import { Strip } from "./strip.js";
+import { TimePlot } from "./timeplot.js";
 import { Trigger } from "./trigger.js";
-import { seconds, show, shown } from "./units.js";
+import { TriggerControls } from "./triggercontrols.js";
+import { seconds } from "./units.js";
 
 const READ_MS = 100; // time between two updates of the displayed values
 const MIN_WINDOW_TICKS = 20; // shortest window, ticks
@@ -15,31 +17,28 @@ const WINDOWS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 
 export class Scope {
   held = null; // last tick of a held picture; null if the newest tick is shown
-  view = { from: 0, to: 0 }; // range of visible ticks
+  view = { from: 0, to: 0, zero: 0 }; // range of visible ticks, and the tick whose time is zero on the axes
+  overlays = []; // recordings that are drawn behind the running signals
   #before = []; // cursors before the last click, restored if it becomes a double click
   #pointer = null; // time at the pointer, s
   #readAt = 0;
-  #size = { width: 0, height: 0 };
   #trigger = null;
   #unzoomed = null; // window and held tick before the picture was zoomed
 
-  constructor(place, bench, store) {
-    this.place = place;
+  constructor({ view, bar, figures }, bench, store, notify) {
+    this.bar = bar;
     this.bench = bench;
     this.store = store;
-    this.signals = bench.signals.map((signal, n) => ({
-      ...signal,
-      column: n,
-      colour: COLOURS[n % COLOURS.length],
-    }));
-    const tracked = columnOf(bench, "error") >= 0; // show the error, which is invisible next to the long travel
-    const followed = tracked ? ["error"] : [bench.aim.signal, bench.aim.reference];
-    const usual = [...followed, "force", columnOf(bench, "current") < 0 ? "voltage" : "current"];
-    this.chosen = new Set(bench.choices.get("signals", usual));
+    this.notify = notify;
     this.window = bench.choices.get("window", 0.5);
     this.cursors = new Cursors(store, bench.rate);
+    this.plot = new TimePlot(this, bench.choices.get("signals", usual(bench)), (names) =>
+      bench.choices.set("signals", names),
+    );
+    this.plots = new Set([this.plot]); // the plots of the open view
     this.#controls();
-    this.#build();
+    view.replaceChildren(this.plot.element);
+    figures.replaceChildren(this.cursors.element);
   }
 
   feed(frame) {
@@ -49,19 +48,32 @@ export class Scope {
   // --- visible range ------------------------------------------------------------------------
 
   draw() {
+    this.drawPlots(new Set([this.plot]));
+  }
+
+  // Draws the plots of the open view.
+  drawPlots(plots) {
+    this.plots = plots;
     const to = this.#end();
     const from = to - this.window * this.bench.rate;
-    this.view = { from, to };
-    this.#resize();
-    for (const strip of this.strips) {
-      const columns = strip.signals.map((signal) => signal.column);
-      const pixels = Math.max(50, Math.round(strip.plot.bbox.width / devicePixelRatio));
-      strip.show(this.store.envelope(columns, from, to, pixels), from, to);
-    }
+    this.view = { from, to, zero: this.#zero(to) };
+    for (const plot of plots) plot.draw();
     if (performance.now() >= this.#readAt) {
       this.#readAt = performance.now() + READ_MS;
       this.#read();
     }
+  }
+
+  // Returns the tick whose time is zero on the axes.
+  #zero(to) {
+    if (this.shot && this.#trigger) return this.shot.hit;
+    return this.held === null ? to : this.heldZero;
+  }
+
+  // Name of the moment whose time is zero on the axes.
+  get zeroName() {
+    if (this.shot && this.#trigger) return "trigger";
+    return this.held === null ? "now" : "hold";
   }
 
   // Returns the last visible tick: that of the held picture, that of the trigger, or the newest.
@@ -72,6 +84,7 @@ export class Scope {
     const after = (1 - trigger.settings.pre) * this.window * this.bench.rate;
     if (trigger.hit !== null && this.store.newest >= trigger.hit + after) {
       this.shot = { hit: trigger.hit, end: Math.round(trigger.hit + after) };
+      this.#align();
       if (trigger.settings.mode === "single") this.hold(this.shot.end);
       else trigger.rearm();
     }
@@ -86,9 +99,10 @@ export class Scope {
   }
 
   hold(tick = this.store.newest) {
+    if (this.held === null) this.heldZero = tick;
     this.held = tick;
-    this.holdButton.textContent = "follow";
-    this.place.classList.add("held");
+    this.holdButton.textContent = "Follow";
+    document.body.classList.add("held");
   }
 
   follow() {
@@ -97,8 +111,8 @@ export class Scope {
     this.#unzoomed = null;
     this.#trigger?.rearm();
     this.window = this.bench.choices.get("window", 0.5);
-    this.holdButton.textContent = "hold";
-    this.place.classList.remove("held");
+    this.holdButton.textContent = "Hold";
+    document.body.classList.remove("held");
   }
 
   toggle() {
@@ -106,12 +120,8 @@ export class Scope {
     else this.follow();
   }
 
-  zoom(plot) {
-    const { left, width } = plot.select;
-    if (width < 4) return;
-    const from = plot.posToVal(left, "x");
-    const to = plot.posToVal(left + width, "x");
-    plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+  // Zooms to the range between two times, s.
+  zoom(from, to) {
     this.#zoomTo(to - from, to);
   }
 
@@ -151,10 +161,11 @@ export class Scope {
     this.bench.choices.set("window", value);
   }
 
-  // --- cursors ------------------------------------------------------------------------------
+  // --- cursors and overlays -----------------------------------------------------------------
 
-  point(plot) {
-    this.#pointer = plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, "x") : null;
+  // Stores the time at the pointer, s; null if it is not over a plot.
+  point(time) {
+    this.#pointer = time;
   }
 
   // Sets a cursor at a time, s, and holds the picture.
@@ -164,27 +175,63 @@ export class Scope {
     this.cursors.put(time);
   }
 
-  #chosen() {
-    return this.signals.filter((signal) => this.chosen.has(signal.name));
+  // Returns the signals of the open plots.
+  #shown() {
+    const names = new Set([...this.plots].flatMap((plot) => [...plot.names]));
+    return this.bench.signals.filter((signal) => names.has(signal.name));
   }
 
   // Shows the values at the pointer, or the newest ones, and the statistics between the cursors.
   #read() {
-    const { store, bench } = this;
+    const { store, bench, view } = this;
     if (!store.count) return;
     const newest = store.count - 1;
     const row = this.#pointer === null ? newest : Math.min(store.find(this.#pointer * bench.rate), newest);
-    for (const { name, unit, column } of this.#chosen())
-      this.readings.get(name).textContent = show(store.value(column, row), unit);
-    this.timeReading.textContent = `t ${(store.tick(row) / bench.rate).toFixed(5)} s`;
-    this.cursors.show(this.#chosen());
+    for (const plot of this.plots) plot.read(row);
+    this.cursors.show(this.#shown(), view.zero);
+  }
+
+  // Overlays a recording on all time plots.
+  async overlay(file) {
+    try {
+      const overlay = await Overlay.read(file, this.bench);
+      this.overlays = [...this.overlays, overlay];
+      this.#align();
+      this.#listOverlays();
+    } catch (wrong) {
+      this.notify(`${file.name}: ${wrong.message}`);
+    }
+  }
+
+  // Moves each recording so that its crossing of the trigger level is at the running one. Without a trigger, a
+  // recording that has no place yet starts at the left edge.
+  #align() {
+    for (const overlay of this.overlays) {
+      if (this.#trigger) overlay.align(this.#trigger.settings, this.shot?.hit ?? this.view.zero);
+      else overlay.place(this.view.from);
+    }
+  }
+
+  #listOverlays() {
+    const entry = (overlay) => {
+      const shift = make("input", { type: "number", step: "any", value: 0, className: "number" });
+      shift.oninput = () => overlay.nudge((Number(shift.value) / 1e3) * this.bench.rate);
+      const remove = make("button", { className: "small", textContent: "×" });
+      remove.setAttribute("aria-label", `remove ${overlay.name}`);
+      remove.onclick = () => {
+        this.overlays = this.overlays.filter((one) => one !== overlay);
+        this.#listOverlays();
+      };
+      return make("span", { className: "key" }, `${overlay.name}, pale`, field("shift", shift, "ms"), remove);
+    };
+    this.overlayList.replaceChildren(...this.overlays.map(entry));
   }
 
   // Returns the selected signals at all visible ticks, as a table in SI units.
   table() {
     const { store } = this;
     const [first, end] = [store.find(this.view.from), store.find(this.view.to + 1)];
-    const chosen = this.#chosen();
+    const chosen = this.#shown();
     const came = (row) => chosen.some(({ column }) => !Number.isNaN(store.value(column, row)));
     const rows = Array.from({ length: end - first }, (_, n) => first + n).filter(came);
     const ticks = rows.map((row) => store.tick(row));
@@ -198,17 +245,17 @@ export class Scope {
 
   // Returns the text above the picture: signals in their colours, and the statistics of the cursors.
   words() {
-    const { cursors } = this;
-    const figures = cursors.lines();
-    return [this.#chosen().map(({ name, colour }) => [name, colour]), ...figures.map((one) => [[one]])];
+    const figures = this.cursors.lines();
+    return [this.#shown().map(({ label, colour }) => [label, colour]), ...figures.map((one) => [[one]])];
   }
 
   // Draws the lines of the cursors and the trigger, and bands where ticks are missing.
   mark(plot) {
     const { ctx, bbox } = plot;
     const { rate } = this.bench;
-    const line = (time, colour) => {
-      const x = plot.valToPos(time, "x", true);
+    const at = (tick) => plot.valToPos((tick - this.view.zero) / rate, "x", true);
+    const line = (tick, colour) => {
+      const x = at(tick);
       if (x < bbox.left || x > bbox.left + bbox.width) return;
       ctx.fillStyle = colour;
       ctx.fillRect(Math.round(x), bbox.top, devicePixelRatio, bbox.height);
@@ -219,30 +266,23 @@ export class Scope {
     ctx.clip();
     ctx.fillStyle = "rgba(176, 0, 32, 0.35)";
     for (const [first, last] of this.store.missing) {
-      const x = plot.valToPos(first / rate, "x", true);
-      ctx.fillRect(
-        x,
-        bbox.top,
-        Math.max(2, plot.valToPos((last + 1) / rate, "x", true) - x),
-        bbox.height,
-      );
+      const x = at(first);
+      ctx.fillRect(x, bbox.top, Math.max(2, at(last + 1) - x), bbox.height);
     }
     ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
     ctx.textAlign = "left";
     for (const [n, tick] of this.cursors.ticks.entries()) {
-      line(tick / rate, ink("--ink"));
-      ctx.fillText("AB"[n], plot.valToPos(tick / rate, "x", true) + 4, bbox.top + 12 * devicePixelRatio);
+      line(tick, ink("--ink"));
+      ctx.fillText("AB"[n], at(tick) + 4, bbox.top + 12 * devicePixelRatio);
     }
-    if (this.shot && this.#trigger) line(this.shot.hit / rate, ink("--bad"));
+    if (this.shot && this.#trigger) line(this.shot.hit, ink("--bad"));
     ctx.restore();
   }
 
-  // --- controls -----------------------------------------------------------------------------
-
   #controls() {
     this.holdButton = make("button", {
-      textContent: "hold",
-      title: "Space",
+      textContent: "Hold",
+      title: "Hold the picture, or follow the newest tick (Space)",
       onclick: () => this.toggle(),
     });
     this.widths = select(
@@ -250,115 +290,30 @@ export class Scope {
       String(this.window),
     );
     this.widths.onchange = () => this.setWindow(Number(this.widths.value));
-    this.timeReading = make("output", { className: "reading" });
-    this.readings = new Map();
-    const legend = make("div", { className: "legend" });
-    for (const signal of this.signals) legend.append(this.#choice(signal));
-    const bar = make("div", { className: "bar" }, this.holdButton, field("window", this.widths));
-    bar.append(...this.#triggerControls(), this.timeReading);
-    this.stripsPlace = make("div", { className: "strips" });
-    new ResizeObserver(([{ contentRect }]) => {
-      this.#size = { width: Math.floor(contentRect.width), height: Math.floor(contentRect.height) };
-    }).observe(this.stripsPlace);
-    this.stripsPlace.title = "click: cursors A and B; drag or wheel: zoom; double click: back";
-    // The statistics are below the strips, so that the strips do not move when a cursor is set.
-    this.place.replaceChildren(bar, legend, this.stripsPlace, this.cursors.element);
-  }
-
-  #choice(signal) {
-    const box = make("input", { type: "checkbox", checked: this.chosen.has(signal.name) });
-    box.onchange = () => {
-      if (box.checked) this.chosen.add(signal.name);
-      else this.chosen.delete(signal.name);
-      this.bench.choices.set("signals", [...this.chosen]);
-      this.#build();
-    };
-    const reading = make("output", { className: "reading" });
-    this.readings.set(signal.name, reading);
-    const swatch = make("i", { className: "swatch" });
-    swatch.style.background = signal.colour;
-    return make("label", { title: signal.doc }, box, swatch, signal.name, reading);
-  }
-
-  #triggerControls() {
-    const mode = select(
-      [
-        ["off", "off"],
-        ["auto", "auto"],
-        ["normal", "normal"],
-        ["single", "single"],
-      ],
-      "off",
-    );
-    const signal = select(
-      this.signals.map((one) => [one.name, one.name]),
-      "force",
-    );
-    const edge = select(
-      [
-        ["rising", "↗"],
-        ["falling", "↘"],
-      ],
-      "rising",
-    );
-    const level = make("input", { type: "number", step: "any", value: "0", className: "number" });
-    const pre = make("input", {
-      type: "number",
-      min: 0,
-      max: 100,
-      value: "20",
-      className: "number",
-    });
-    const unit = make("span", { className: "unit" });
-    const arm = () => {
-      const chosen = this.signals.find((one) => one.name === signal.value);
-      const { name, factor } = shown(chosen.unit);
-      unit.textContent = name;
+    this.widths.id = "window";
+    this.overlayList = make("span", { className: "overlays" });
+    this.triggers = new TriggerControls(this.bench, (settings) => {
       this.follow();
-      this.#trigger =
-        mode.value === "off"
-          ? null
-          : new Trigger({
-              column: chosen.column,
-              level: Number(level.value) / factor,
-              rising: edge.value === "rising",
-              pre: Math.min(1, Math.max(0, Number(pre.value) / 100)),
-              mode: mode.value,
-            });
-    };
-    for (const one of [mode, signal, edge, level, pre]) one.onchange = arm;
-    mode.id = "trigger-mode";
-    signal.id = "trigger-signal";
-    level.id = "trigger-level";
-    edge.id = "trigger-edge";
-    pre.id = "trigger-pre";
-    arm();
-    return [
-      field("trigger", mode),
-      signal,
-      edge,
-      field("at", level, unit),
-      field("before", pre, "%"),
-    ];
-  }
-
-  #build() {
-    this.stripsPlace.replaceChildren();
-    const chosen = this.#chosen();
-    const units = [...new Set(chosen.map((signal) => signal.unit))];
-    this.strips = units.map((unit) => {
-      const signals = chosen.filter((signal) => signal.unit === unit);
-      return new Strip(this.stripsPlace, unit, signals, this, unit === units.at(-1));
+      this.#trigger = settings && new Trigger(settings);
+      this.#align();
     });
+    this.bar.replaceChildren(this.holdButton, field("Window", this.widths), ...this.triggers.elements, this.overlayList);
   }
 
-  #resize() {
-    const { width, height } = this.#size;
-    const heights = Strip.heights(this.strips.length, height);
-    for (const [n, strip] of this.strips.entries()) strip.resize(width, heights[n]);
+  // Shows the signals of the bench again after they have changed.
+  rebuild() {
+    this.triggers.list();
+    for (const plot of new Set([this.plot, ...this.plots])) plot.build();
   }
 
   restyle() {
-    for (const strip of this.strips) strip.plot.redraw();
+    for (const plot of this.plots) plot.restyle();
   }
+}
+
+// Returns the signals that the scope shows first. A tracking error is invisible next to the long travel.
+function usual(bench) {
+  const has = (name) => columnOf(bench, name) >= 0;
+  const followed = has("error") ? ["error"] : [bench.aim.signal, bench.aim.reference];
+  return [...followed, "force", has("current") ? "current" : "voltage"];
 }

@@ -2,7 +2,7 @@
 
 import { field, make, refuse } from "./dom.js";
 
-const IN_FORCE = "in force";
+const ACTIVE = "active values";
 
 export class Sets {
   #names = null;
@@ -17,15 +17,15 @@ export class Sets {
     this.rows = make("tbody");
     this.note = make("output", { className: "reading", id: "set-note" });
     const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
-    this.saveButton = button("set-save", "save", () => this.save());
+    this.saveButton = button("set-save", "Save", () => this.save());
     const bar = make(
       "div",
       { className: "bar", id: "sets" },
-      field("active values as", this.name),
+      field("Active values as", this.name),
       this.saveButton,
-      field("compare", this.first),
+      field("Compare", this.first),
       field("with", this.second),
-      button("set-stage", "stage the second", () => this.stage()),
+      button("set-stage", "Stage the second", () => this.stage()),
       this.note,
     );
     place.firstChild.after(bar, make("table", { id: "differences" }, this.rows));
@@ -39,8 +39,8 @@ export class Sets {
     if (sets.join() === this.#names?.join()) return;
     this.#names = sets;
     for (const choice of [this.first, this.second]) {
-      const chosen = choice.value || IN_FORCE;
-      const names = [IN_FORCE, ...sets];
+      const chosen = choice.value || ACTIVE;
+      const names = [ACTIVE, ...sets];
       choice.replaceChildren(
         ...names.map((name) => make("option", { value: name, textContent: name })),
       );
@@ -57,7 +57,7 @@ export class Sets {
 
   async stage() {
     const name = this.second.value;
-    if (name === IN_FORCE) return;
+    if (name === ACTIVE) return;
     const answer = await this.order("read set", { name });
     if (!answer) return;
     this.parameters.stage(answer.differing);
@@ -81,7 +81,7 @@ export class Sets {
   }
 
   async #values(name) {
-    if (name === IN_FORCE)
+    if (name === ACTIVE)
       return Object.fromEntries(this.parameters.parameters.map((one) => [one.name, one]));
     return (await this.order("read set", { name }))?.parameters ?? null;
   }

@@ -1,6 +1,59 @@
-// Finds the column of a signal in the rows of the bench.
+// The signals of the bench: their columns, readable names, lines and noise.
+
+import { lines } from "./colours.js";
+import { describe } from "./names.js";
+import { shown } from "./units.js";
 
 // Returns the column of a signal, or -1 if it does not exist.
 export function columnOf(bench, name) {
   return bench.signals.findIndex((signal) => signal.name === name);
+}
+
+// Adds the column, the readable name, the symbol and the line to each signal of a bench.
+export function label(bench) {
+  const styles = lines(bench);
+  for (const [column, signal] of bench.signals.entries())
+    Object.assign(signal, { column, ...describe(signal), ...styles.get(signal.name) });
+}
+
+// Returns the text that a signal shows on hover.
+export function hint({ name, label, symbol, unit, doc }) {
+  return `${label}${symbol && `, ${symbol}`}${unit && `, ${shown(unit).name}`}\n${name}${doc && `: ${doc}`}`;
+}
+
+const NOISE_ROWS = 400; // number of rows from which the noise is estimated
+const SPAN_PER_NOISE = 30; // smallest range of an axis, in standard deviations of the noise
+const SPAN_PER_RANGE = 0.005; // smallest range of an axis as a fraction of the demand range
+
+const SPAN_MS = 1000; // time for which an estimate of the noise is valid
+const spans = new Map(); // smallest range and its end of validity by unit
+
+// Returns the smallest range of an axis with a unit, SI, so that noise remains a thin line.
+export function leastSpan(bench, store, unit) {
+  const now = performance.now();
+  const known = spans.get(unit);
+  if (known && now < known.due) return known.span;
+  const span = estimateSpan(bench, store, unit);
+  spans.set(unit, { span, due: now + SPAN_MS });
+  return span;
+}
+
+function estimateSpan(bench, store, unit) {
+  const { least, factor } = shown(unit);
+  const range = unit === bench.aim.unit ? SPAN_PER_RANGE * (bench.aim.high - bench.aim.low) : 0;
+  const read = bench.signals.filter((one) => one.unit === unit && one.name.includes("_read"));
+  const noises = read.slice(0, 4).map((one) => noise(store, one.column));
+  return Math.max(least / factor, range, SPAN_PER_NOISE * Math.max(0, ...noises));
+}
+
+// Returns the standard deviation of the noise of a column. Differences between successive rows contain the noise,
+// and their median is not changed by a slow motion.
+function noise(store, column) {
+  const steps = [];
+  for (let row = Math.max(1, store.count - NOISE_ROWS); row < store.count; row++) {
+    const step = Math.abs(store.value(column, row) - store.value(column, row - 1));
+    if (step === step) steps.push(step);
+  }
+  steps.sort((a, b) => a - b);
+  return steps.length ? steps[steps.length >> 1] / (0.6745 * Math.SQRT2) : 0;
 }

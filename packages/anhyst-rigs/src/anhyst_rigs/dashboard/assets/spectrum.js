@@ -20,7 +20,7 @@ export class SpectrumView {
     this.store = store;
     const choose = (id, names, chosen) => {
       const element = select(
-        names.map((name) => [String(name), String(name)]),
+        names,
         String(bench.choices.get(id, chosen)),
       );
       element.id = id;
@@ -30,10 +30,11 @@ export class SpectrumView {
       };
       return element;
     };
-    const names = bench.signals.map((one) => one.name);
-    this.signal = choose("spectrum-signal", names, bench.aim.signal);
-    this.length = choose("spectrum-length", LENGTHS, 16384);
-    this.shape = choose("spectrum-window", Object.keys(WINDOWS), "Hann");
+    const plain = (values) => values.map((value) => [String(value), String(value)]);
+    const signals = bench.signals.map(({ name, label }) => [name, label]);
+    this.signal = choose("spectrum-signal", signals, bench.aim.signal);
+    this.length = choose("spectrum-length", plain(LENGTHS), 16384);
+    this.shape = choose("spectrum-window", plain(Object.keys(WINDOWS)), "Hann");
     this.note = make("output", { className: "reading", id: "spectrum-note" });
     this.reading = make("output", { className: "reading", id: "spectrum-reading" });
     const figure = make("figure");
@@ -41,15 +42,15 @@ export class SpectrumView {
       make(
         "div",
         { className: "bar" },
-        field("signal", this.signal),
-        field("ticks", this.length),
-        field("window", this.shape),
+        field("Signal", this.signal),
+        field("Ticks", this.length),
+        field("Window", this.shape),
         this.note,
         this.reading,
       ),
       make("div", { className: "whole" }, figure),
     );
-    this.plane = new Plane(figure, "frequency / Hz", "", true);
+    this.plane = new Plane(figure, "Frequency / Hz", "", true);
     figure.onmousemove = (event) => {
       this.#cursor = 10 ** this.plane.xAt(event.offsetX);
       this.#due = 0;
@@ -114,7 +115,7 @@ export class SpectrumView {
     const first = store.count - wanted;
     const whole = wanted >= length && store.newest - store.tick(first) === wanted - 1;
     if (!whole) {
-      this.note.textContent = `needs ${length} ticks without a gap between them`;
+      this.note.textContent = `The spectrum needs ${length} ticks without a gap between them; wait, or choose fewer ticks.`;
       return null;
     }
     return Float64Array.from({ length: wanted }, (_, i) => store.value(column, first + i));

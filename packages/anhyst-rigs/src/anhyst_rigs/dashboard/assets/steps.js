@@ -18,21 +18,21 @@ export class StepView {
     const find = (name) => columnOf(bench, name);
     this.unit = bench.aim.unit;
     this.finder = new StepFinder(bench, find(bench.aim.reference), find(bench.aim.signal));
-    const clear = make("button", { textContent: "clear", onclick: () => this.clear() });
+    const clear = make("button", { textContent: "Clear", title: "Remove all steps", onclick: () => this.clear() });
     this.hint = make("output", {
       className: "reading",
-      textContent: "steps of the target appear here: set a target, or start the generator's step",
+      textContent: "No steps yet. Set another target while the rig runs, or start the step of the generator.",
     });
     const figure = make("figure");
     this.rows = make("tbody");
-    const heads = ["", "active", "height", "overshoot", "rise 10–90 %", "settling to 5 %"];
+    const heads = ["", "Active", "Height", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
     const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text })));
     const table = make("table", {}, make("thead", {}, head), this.rows);
     place.replaceChildren(
       make("div", { className: "bar" }, clear, this.hint),
       make("div", { className: "stack" }, figure, make("div", { className: "scroll" }, table)),
     );
-    this.plane = new Plane(figure, "t / ms", "step / %");
+    this.plane = new Plane(figure, "Time from the step / ms", "Step / %");
   }
 
   feed(frame) {

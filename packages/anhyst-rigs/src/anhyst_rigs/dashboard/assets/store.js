@@ -1,20 +1,28 @@
 // Stores the last rows of all signals, and returns their range for each pixel.
 
-const CAPACITY = 1 << 19;
+const CAPACITY = 1 << 19; // number of rows of a running bench
 
 export class Store {
   newest = 0;
   missing = []; // intervals [first, last] of missing ticks
 
-  #ticks = new Float64Array(CAPACITY);
+  #capacity;
+  #ticks;
   #data;
   #every; // ticks between two rows if no tick is missing
   #begin = 0;
   #count = 0;
 
-  constructor(columns, every = 1) {
+  constructor(columns, every = 1, capacity = CAPACITY) {
     this.#every = every;
-    this.#data = Array.from({ length: columns }, () => new Float32Array(CAPACITY));
+    this.#capacity = capacity;
+    this.#ticks = new Float64Array(capacity);
+    this.#data = Array.from({ length: columns }, () => new Float32Array(capacity));
+  }
+
+  // Arranges the columns: each takes the values of a previous column, or has no values in the stored rows (-1).
+  arrange(previous) {
+    this.#data = previous.map((n) => this.#data[n] ?? new Float32Array(this.#capacity).fill(NaN));
   }
 
   get count() {
@@ -31,7 +39,7 @@ export class Store {
     const rows = frame.ticks.length;
     for (let i = 0; i < rows; i++) {
       const at = this.#place(frame.ticks[i]);
-      for (let n = 0; n < this.#data.length; n++) this.#data[n][at] = frame.data[n][i];
+      for (let n = 0; n < this.#data.length; n++) this.#data[n][at] = frame.data[n] ? frame.data[n][i] : NaN;
     }
     this.newest = frame.last;
   }
@@ -44,9 +52,9 @@ export class Store {
 
   #place(tick) {
     let at = this.#begin + this.#count;
-    if (this.#count < CAPACITY) this.#count++;
-    else this.#begin = (this.#begin + 1) % CAPACITY;
-    at %= CAPACITY;
+    if (this.#count < this.#capacity) this.#count++;
+    else this.#begin = (this.#begin + 1) % this.#capacity;
+    at %= this.#capacity;
     this.#ticks[at] = tick;
     return at;
   }
@@ -57,18 +65,18 @@ export class Store {
     let high = this.#count;
     while (low < high) {
       const middle = (low + high) >> 1;
-      if (this.#ticks[(this.#begin + middle) % CAPACITY] < tick) low = middle + 1;
+      if (this.#ticks[(this.#begin + middle) % this.#capacity] < tick) low = middle + 1;
       else high = middle;
     }
     return low;
   }
 
   tick(row) {
-    return this.#ticks[(this.#begin + row) % CAPACITY];
+    return this.#ticks[(this.#begin + row) % this.#capacity];
   }
 
   value(column, row) {
-    return this.#data[column][(this.#begin + row) % CAPACITY];
+    return this.#data[column][(this.#begin + row) % this.#capacity];
   }
 
   // Returns the largest absolute value of a column from a row on.
@@ -76,7 +84,7 @@ export class Store {
     const data = this.#data[column];
     let most = 0;
     for (let row = first; row < this.#count; row++) {
-      const size = Math.abs(data[(this.#begin + row) % CAPACITY]);
+      const size = Math.abs(data[(this.#begin + row) % this.#capacity]);
       if (size > most) most = size;
     }
     return most;
@@ -104,7 +112,7 @@ export class Store {
   #plain(columns, first, rows) {
     const take = (of) => {
       const out = new of.constructor(rows);
-      for (let i = 0; i < rows; i++) out[i] = of[(this.#begin + first + i) % CAPACITY];
+      for (let i = 0; i < rows; i++) out[i] = of[(this.#begin + first + i) % this.#capacity];
       return out;
     };
     return { ticks: take(this.#ticks), columns: columns.map((n) => take(this.#data[n])) };
@@ -113,13 +121,13 @@ export class Store {
   #extremes(column, edges) {
     const out = new Float32Array(2 * (edges.length - 1));
     for (let p = 0; p + 1 < edges.length; p++) {
-      let at = (this.#begin + edges[p]) % CAPACITY;
+      let at = (this.#begin + edges[p]) % this.#capacity;
       let low = column[at];
       let high = low;
       let lowFirst = true;
       let holed = Number.isNaN(low);
       for (let i = edges[p] + 1; i < edges[p + 1]; i++) {
-        if (++at === CAPACITY) at = 0;
+        if (++at === this.#capacity) at = 0;
         const value = column[at];
         if (value < low) {
           low = value;

@@ -1,29 +1,40 @@
-// One strip of the scope: all chosen signals of one unit over time.
+// One strip of a time plot: all its signals of one unit over time, with their legend.
 
 import { ink } from "./colours.js";
+import { make } from "./dom.js";
+import { axisName, sign } from "./names.js";
 import { Raster } from "./raster.js";
-import { shown } from "./units.js";
+import { hint, leastSpan } from "./signals.js";
+import { show, shown } from "./units.js";
 import uPlot from "./uplot/uPlot.esm.js";
 
-const MIN_HEIGHT_PX = 64; // smallest height, pixels
-const TIME_LABELS_PX = 24; // height of the time labels below the last strip, pixels
+const MIN_HEIGHT_PX = 56; // smallest height of a plot, pixels
+const LEGEND_PX = 22; // height of the legend above a plot, pixels
+const TIME_LABELS_PX = 36; // height of the time labels below the last strip, pixels
 const THICKNESS = 1.5;
+const OVERLAY_ALPHA = 0.45; // opacity of a recording that is drawn behind the running signals
+const LETTER_PX = 7; // width of a letter at an axis, pixels
+const MAX_MS_WINDOW_S = 0.5; // longest window whose times are shown in ms
 
 export class Strip {
   #raster = new Raster();
-  #trace = { ticks: [], columns: [] };
+  #traces = [];
+  #overlays = [];
 
-  constructor(place, unit, signals, scope, isLast) {
+  constructor(plot, unit, signals, isLast) {
+    const { scope } = plot;
     this.signals = signals;
-    this.rate = scope.bench.rate;
+    this.scope = scope;
+    this.unit = unit;
     this.isLast = isLast;
-    const { name, factor, least } = shown(unit);
-    this.factor = factor;
-    this.least = least;
+    this.factor = shown(unit).factor;
     const axis = { stroke: () => ink("--ink"), grid: { stroke: () => ink("--line"), width: 1 } };
     const times = isLast
-      ? { label: "t / s", labelSize: 18, size: 32 }
+      ? { label: () => this.#timeName(), labelSize: 18, size: 32, values: (_, at) => at.map((time) => this.#time(time)) }
       : { values: (_, at) => at.map(() => null), ticks: { show: false }, size: 8 };
+    this.legend = make("div", { className: "legend" }, ...signals.map((one) => this.#key(plot, one)));
+    this.element = make("div", { className: "strip" }, this.legend);
+    plot.stripsPlace.append(this.element);
     this.plot = new uPlot(
       {
         width: 600,
@@ -33,30 +44,48 @@ export class Strip {
         scales: { x: { time: false } },
         axes: [
           { ...axis, ...times },
-          { ...axis, label: name || "number", size: 66, labelSize: 20, values: marked },
+          { ...axis, label: (of) => this.#axisName(of), size: 66, labelSize: 20, values: marked },
         ],
         series: [{}, { show: false }],
         hooks: {
-          setSelect: [(plot) => scope.zoom(plot)],
-          setCursor: [(plot) => scope.point(plot)],
-          draw: [(plot) => (this.#draw(plot), scope.mark(plot))],
+          setSelect: [(of) => this.#select(of)],
+          setCursor: [(of) => scope.point(of.cursor.left >= 0 ? this.#at(of.cursor.left) : null)],
+          draw: [(of) => (this.#draw(of), scope.mark(of))],
         },
       },
       [[], []],
-      place,
+      this.element,
     );
-    const time = (event) => this.plot.posToVal(event.offsetX, "x");
     const { over } = this.plot;
     over.addEventListener("dblclick", () => scope.back());
-    over.addEventListener("click", (event) => event.detail === 1 && scope.put(time(event)));
+    over.addEventListener("click", (event) => event.detail === 1 && scope.put(this.#at(event.offsetX)));
     over.addEventListener("wheel", (event) => {
       event.preventDefault();
-      scope.zoomAt(time(event), event.deltaY);
+      scope.zoomAt(this.#at(event.offsetX), event.deltaY);
     });
   }
 
+  // Returns the legend entry of a signal; it can be dragged to another plot.
+  #key(plot, signal) {
+    const swatch = make("i", { className: "swatch" });
+    swatch.style.background = stroke(signal);
+    const reading = make("output", { className: "reading" });
+    const remove = make("button", { className: "small", textContent: "×", onclick: () => plot.remove(signal.name) });
+    remove.setAttribute("aria-label", `remove ${signal.label}`);
+    const name = make("span", { textContent: signal.label }, sign(signal.symbol));
+    const key = make("span", { className: "key", draggable: true, title: hint(signal) }, swatch, name, reading, remove);
+    key.ondragstart = (event) => event.dataTransfer.setData("text/plain", signal.name);
+    return key;
+  }
+
+  // Shows the values of a row in the legend.
+  read(store, row) {
+    for (const [n, { unit, column }] of this.signals.entries())
+      this.legend.children[n].querySelector("output").textContent = show(store.value(column, row), unit);
+  }
+
   static heights(count, all) {
-    const height = Math.max(MIN_HEIGHT_PX, Math.floor((all - TIME_LABELS_PX) / count));
+    const height = Math.max(MIN_HEIGHT_PX, Math.floor((all - TIME_LABELS_PX) / Math.max(1, count)) - LEGEND_PX);
     return Array.from({ length: count }, (_, n) => height + (n + 1 === count ? TIME_LABELS_PX : 0));
   }
 
@@ -65,16 +94,55 @@ export class Strip {
       this.plot.setSize({ width, height });
   }
 
-  // Shows the ticks and columns of an envelope between two ticks.
-  show(trace, from, to) {
-    this.#trace = trace;
-    const ends = [from / this.rate, to / this.rate];
-    const [min, max] = padded(trace.columns, this.factor, this.least);
+  // Draws the signals and the overlaid recordings between two ticks.
+  show(store, { from, to, zero }) {
+    const pixels = Math.max(50, Math.round(this.plot.bbox.width / devicePixelRatio));
+    const columns = this.signals.map((signal) => signal.column);
+    this.#traces = [{ ...store.envelope(columns, from, to, pixels), signals: this.signals, shift: 0 }];
+    this.#overlays = this.scope.overlays.map((one) => one.envelope(this.signals, from, to, pixels));
+    this.zero = zero;
+    const least = leastSpan(this.scope.bench, store, this.unit) * this.factor;
+    const { rate } = this.scope.bench;
+    const ends = [(from - zero) / rate, (to - zero) / rate];
+    const [min, max] = padded([...this.#overlays, ...this.#traces], this.factor, least);
     this.plot.batch(() => {
       this.plot.setData([ends, [null, null]], false);
       this.plot.setScale("x", { min: ends[0], max: ends[1] });
       this.plot.setScale("y", { min, max });
     });
+  }
+
+  // Returns the text at the axis of values: the longest one that fits into its height.
+  #axisName({ bbox }) {
+    const { name } = shown(this.unit);
+    const space = bbox.height / devicePixelRatio / LETTER_PX;
+    const texts = [axisName(this.signals, this.unit), axisName([], this.unit)].map((text) => (name ? `${text} / ${name}` : text));
+    return texts.find((text) => text.length <= space) ?? name;
+  }
+
+  #timeName() {
+    return `Time from ${this.scope.zeroName} / ${this.#isShort() ? "ms" : "s"}`;
+  }
+
+  #isShort() {
+    return this.scope.window <= MAX_MS_WINDOW_S;
+  }
+
+  #time(value) {
+    return String(Number((this.#isShort() ? 1e3 * value : value).toPrecision(6)));
+  }
+
+  // Returns the time, s since the start of the bench, at a pixel from the left.
+  #at(pixel) {
+    return this.plot.posToVal(pixel, "x") + this.zero / this.scope.bench.rate;
+  }
+
+  #select(plot) {
+    const { left, width } = plot.select;
+    if (width < 4) return;
+    const [from, to] = [this.#at(left), this.#at(left + width)];
+    plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    this.scope.zoom(from, to);
   }
 
   #draw({ ctx, bbox, scales: { x, y } }) {
@@ -84,27 +152,39 @@ export class Strip {
     const up = -height / (y.max - y.min);
     const thickness = Math.round(THICKNESS * devicePixelRatio);
     this.#raster.begin(Math.ceil(width), Math.ceil(height));
-    for (const [n, { colour }] of this.signals.entries()) {
-      const column = this.#trace.columns[n] ?? [];
-      const a = [along / this.rate, -along * x.min];
-      const b = [up * this.factor, -up * y.max];
-      this.#raster.line(this.#trace.ticks, column, a, b, colour, thickness);
+    const { rate } = this.scope.bench;
+    for (const [of, alpha] of [[this.#overlays, OVERLAY_ALPHA], [this.#traces, 1]]) {
+      for (const { ticks, columns, signals, shift } of of) {
+        const a = [along / rate, -along * x.min + (along * (shift - this.zero)) / rate];
+        const b = [up * this.factor, -up * y.max];
+        for (const [n, signal] of signals.entries())
+          this.#raster.line(ticks, columns[n], a, b, { ...signal, alpha }, thickness);
+      }
     }
     ctx.drawImage(this.#raster.end(), left, top);
   }
 }
 
+// Returns the CSS background of a swatch that shows the line of a signal, with its dashes.
+export function stroke({ colour, dash }) {
+  if (!dash) return colour;
+  const [period, drawn] = dash;
+  return `repeating-linear-gradient(90deg, ${colour} 0 ${drawn / 2}px, transparent 0 ${period / 2}px)`;
+}
+
 // Returns axis labels with the necessary digits; uPlot itself shows at most three.
 function marked(_plot, values, _axis, _space, step) {
-  const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9) + (step < 1 ? 1 : 0));
+  const power = Math.ceil(-Math.log10(step) - 1e-9);
+  const isRound = Math.abs(step * 10 ** power - Math.round(step * 10 ** power)) < 1e-6;
+  const digits = Math.max(0, power + (isRound ? 0 : 1));
   return values.map((value) => String(Number(value.toFixed(Math.min(digits, 12)))));
 }
 
-// Returns the range of the drawn values with a margin, and at least the minimum range.
-function padded(columns, factor, least) {
+// Returns the range of the drawn values with a margin, and at least the smallest range.
+function padded(traces, factor, least) {
   let low = Infinity;
   let high = -Infinity;
-  for (const column of columns) {
+  for (const column of traces.flatMap((one) => one.columns)) {
     for (const value of column) {
       if (value < low) low = value;
       if (value > high) high = value;

@@ -13,6 +13,9 @@ const SHOWN = {
   T: ["T", 1, 1e-3],
 };
 
+// Whether signals and parameters with a unit are always shown in the same multiple of it.
+export const isUsual = (unit) => unit in SHOWN;
+
 export function shown(unit) {
   const [name, factor, least] = SHOWN[unit] ?? [unit, 1, 1];
   return { name, factor, least };

@@ -9,7 +9,7 @@ export class Watch {
       onclick: () => order("improve", { step: "watch", on: !this.on }),
     });
     this.again = make("button", {
-      textContent: "learn again",
+      textContent: "Learn again",
       onclick: () => order("improve", { step: "watch", on: true }),
     });
     this.text = make("output", { id: "watched" });
@@ -25,7 +25,7 @@ export class Watch {
 
   show(watch) {
     this.on = Boolean(watch);
-    this.button.textContent = this.on ? "stop watching" : "watch for drift";
+    this.button.textContent = this.on ? "Stop watching" : "Watch for drift";
     this.again.hidden = !this.on;
     this.text.dataset.watch = watch?.state ?? "";
     this.text.textContent = watch?.text ?? "";

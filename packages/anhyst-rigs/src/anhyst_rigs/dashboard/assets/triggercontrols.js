@@ -1,0 +1,70 @@
+// Controls of the trigger: mode, signal, edge, level, and the part of the window before the crossing.
+
+import { field, make, select } from "./dom.js";
+import { columnOf } from "./signals.js";
+import { shown } from "./units.js";
+
+const MODES = [
+  ["off", "Off"],
+  ["auto", "Auto"],
+  ["normal", "Normal"],
+  ["single", "Single"],
+];
+const EDGES = [
+  ["rising", "↗"],
+  ["falling", "↘"],
+];
+
+export class TriggerControls {
+  // `arm` receives the settings of the trigger, or null if it is off.
+  constructor(bench, arm) {
+    this.bench = bench;
+    this.arm = arm;
+    const number = (id, value) => make("input", { type: "number", step: "any", id, value, className: "number" });
+    this.mode = select(MODES, "off");
+    this.mode.id = "trigger-mode";
+    this.signal = make("select", { id: "trigger-signal", ariaLabel: "signal of the trigger" });
+    this.edge = select(EDGES, "rising");
+    this.edge.id = "trigger-edge";
+    this.edge.ariaLabel = "edge of the trigger";
+    this.level = number("trigger-level", 0);
+    this.pre = number("trigger-pre", 20);
+    this.unit = make("span", { className: "unit" });
+    const details = [this.signal, this.edge, field("at", this.level, this.unit), field("before", this.pre, "%")];
+    this.details = make("span", { className: "line" }, ...details);
+    this.elements = [field("Trigger", this.mode), this.details];
+    for (const one of [this.mode, this.signal, this.edge, this.level, this.pre]) one.onchange = () => this.#change();
+    this.list(bench.aim.signal);
+    this.#show();
+  }
+
+  // Lists the signals of the bench.
+  list(chosen = this.signal.value) {
+    const options = this.bench.signals.map(({ name, label }) => make("option", { value: name, textContent: label }));
+    this.signal.replaceChildren(...options);
+    this.signal.value = chosen;
+  }
+
+  #show() {
+    this.details.hidden = this.mode.value === "off";
+    this.unit.textContent = shown(this.#signal().unit).name;
+  }
+
+  #signal() {
+    return this.bench.signals[columnOf(this.bench, this.signal.value)];
+  }
+
+  #change() {
+    this.#show();
+    const { column, name, unit } = this.#signal();
+    const settings = {
+      column,
+      name,
+      level: Number(this.level.value) / shown(unit).factor,
+      rising: this.edge.value === "rising",
+      pre: Math.min(1, Math.max(0, Number(this.pre.value) / 100)),
+      mode: this.mode.value,
+    };
+    this.arm(settings.mode === "off" ? null : settings);
+  }
+}
