@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from anhyst.cli.app import main
 from anhyst.support.states import State
@@ -78,7 +79,9 @@ class Browser:
 
 @contextmanager
 def browsing(served: Served) -> Iterator[Browser]:
-    with connect(f"ws://127.0.0.1:{served.port}/live", origin=f"http://127.0.0.1:{served.port}") as socket:  # type: ignore[arg-type]
+    with connect(
+        f"ws://127.0.0.1:{served.port}/live", origin=Origin(f"http://127.0.0.1:{served.port}")
+    ) as socket:
         browser = Browser(socket)
         browser.listen(lambda: browser.bench and browser.status)
         yield browser

@@ -120,7 +120,7 @@ def running(program: Path, serial: bool = False, **options: int) -> Iterator[Run
     arguments = [f"{name}={value}" for name, value in options.items()]
     ours, theirs = os.openpty()
     tty.setraw(theirs)
-    command = [program, *arguments, *([f"tty={ours}"] if serial else [])]
+    command = [str(program), *arguments, *([f"tty={ours}"] if serial else [])]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, pass_fds=[ours]) as process:
         assert process.stdout is not None
         addresses: dict[str, int] = {}

@@ -19,7 +19,7 @@ from tests.refusals import refused
 
 @contextmanager
 def opened(program: Path, folder: Path, **options: int) -> Iterator[tuple[ForeignBench, RunningSlave]]:
-    with running(program, **options) as slave:
+    with running(program, serial=False, **options) as slave:
         bench = ForeignBench(slave.open, slave.describe(folder, big=bool(options.get("big"))))
         with closing(bench):
             yield bench, slave

@@ -1,6 +1,7 @@
 // Connects the link, the views and the controls.
 
 import { BodyView } from "./body.js";
+import "./catalogue.js";
 import { NAME as COMPENSATION } from "./compensation.js";
 import { Desks } from "./desks.js";
 import { download, keeping, make, refuse } from "./dom.js";
@@ -98,7 +99,7 @@ function open(bench) {
   };
   page.layouts = new Map([[bench.signals.length, bench.signals.map((one) => one.name)]]);
   const context = { bench, store, scope, parameters, order, notify };
-  page.fixed = new Map(kinds().filter((kind) => kind.fixed).map((kind) => [kind.kind, fixedPanel(kind, context)]));
+  page.fixed = new Map(fixedKinds().map((kind) => [kind.kind, fixedPanel(kind, context)]));
   tabs();
   page.list = new SignalList(at("signals"), bench, store, order, () => shownDesk()?.plot() ?? scope.plot);
   page.desks = new Desks(at("desks"), at("desktabs"), context, (n) => choose(n === null ? view : `desk ${n}`));
@@ -108,6 +109,8 @@ function open(bench) {
   window.anhyst = page;
   choose(lastView);
 }
+
+const fixedKinds = () => kinds().filter((kind) => kind.fixed && (kind.offered?.(page.bench) ?? true));
 
 // Makes a view of a panel that has a fixed tab.
 function fixedPanel(kind, context) {
@@ -338,10 +341,9 @@ function tabs() {
     return button;
   };
   const word = (name) => name.charAt(0).toUpperCase() + name.slice(1);
-  const fixed = kinds().filter((kind) => kind.fixed);
   at("tabs").replaceChildren(
     ...VIEWS.filter(offered).map((name) => tab(name, `${VIEW_KEYS[VIEWS.indexOf(name)]} ${word(name)}`)),
-    ...fixed.map(({ kind, title }) => tab(kind, title)),
+    ...fixedKinds().map(({ kind, title }) => tab(kind, title)),
   );
 }
 
