@@ -104,6 +104,7 @@ function open(bench) {
   page.list = new SignalList(at("signals"), bench, store, order, () => shownDesk()?.plot() ?? scope.plot);
   page.desks = new Desks(at("desks"), at("desktabs"), context, (n) => choose(n === null ? view : `desk ${n}`));
   at("title").textContent = bench.title;
+  refuse(at("stop"), bench.commands.length ? "" : "This firmware has no stop that anhyst knows.");
   document.title = `${bench.title} – anhyst live`;
   document.body.classList.remove("lost");
   window.anhyst = page;
