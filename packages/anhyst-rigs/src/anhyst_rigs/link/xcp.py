@@ -105,6 +105,8 @@ class XcpLine:
         with self.lock:
             self._write(command)
             answer = self._next_answer()
+            while answer == _SYNCH_ANSWER:  # a late one: only a synchronisation is answered in this way
+                answer = self._next_answer()
             if answer is None and self._repeats and not self._closed.is_set():
                 # A late answer would be taken for the answer to the next command.
                 self._synchronise()

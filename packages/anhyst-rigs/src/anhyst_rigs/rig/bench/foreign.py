@@ -35,7 +35,7 @@ _OPERATOR_PERIOD_S = 0.02
 _MAX_WAIT_S = 0.02
 _SILENCE_S = 2.0
 """Time without samples, in addition to five periods, after which a slave counts as lost, s."""
-_ANSWER_TIMEOUT_S = 1.0
+_ANSWER_TIMEOUT_S = 2.0
 """Time limit for an answer, s. A command is then repeated after a synchronisation."""
 MAX_PACKET_BYTES = 0xFFFF
 _NOTE_PERIOD_S = 10.0
