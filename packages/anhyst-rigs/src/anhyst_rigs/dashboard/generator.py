@@ -237,7 +237,7 @@ class DrivenBench(Bench):
         self._bench = bench
         self._copy_attributes()
         self.commands, self.has_own_clock = bench.commands, bench.has_own_clock
-        self.demand_range, self.max_load = bench.demand_range, bench.max_load
+        self.max_load = bench.max_load
         self.body = getattr(bench, "body", None)
         self.target = bench.demand_range.value
         self._on_refusal = on_refusal
@@ -249,7 +249,7 @@ class DrivenBench(Bench):
         """Copy the attributes that a choice of signals changes."""
         bench = self._bench
         self.rate, self.ticks_per_row, self.signals = bench.rate, bench.ticks_per_row, bench.signals
-        self.catalogue = bench.catalogue
+        self.catalogue, self.demand_range = bench.catalogue, bench.demand_range
         self._chunk_ticks = max(1, round(_CHUNK_S * bench.rate))
 
     def search(self, text: str, max_count: int) -> list[Mapping[str, object]]:

@@ -53,7 +53,6 @@ class ForeignBench(Bench):
     has_own_clock = True
     tick = 0
     commands = ()
-    demand_range = DemandRange("", "", "", 0.0, 0.0, 0.0)
 
     def __init__(
         self, open_slave: Callable[[], Slave], description: Description, search_time: float = SEARCH_TIME_S
@@ -166,6 +165,8 @@ class ForeignBench(Bench):
         self._sampler, self._event_number = sampler, None if event is None else event.number
         self.rate, self.ticks_per_row = sampler.rate, sampler.ticks_per_row
         self.signals = tuple(Signal(one.name, one.unit, one.doc) for one in variables)
+        first = self.signals[0]  # The page shows its steps; there is no demand.
+        self.demand_range = DemandRange(first.name, first.name, first.unit, 0.0, 0.0, 0.0)
         elapsed_ticks = int((time.monotonic() - self._begin_time) * self.rate)
         self._first_tick = self.tick = max(1, elapsed_ticks)
         self._last_row_time = time.monotonic()
