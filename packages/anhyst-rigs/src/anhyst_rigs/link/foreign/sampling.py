@@ -41,10 +41,11 @@ _FIRST_SAMPLE_TIMEOUT_S = 2.0
 _MEASURING_TIME_S = 0.25
 _MEASURED_PERIODS = 2.5
 """The period of an event is measured for this number of periods, and at least for the time above."""
-_STAMPED_TOLERANCE, _ARRIVAL_TOLERANCE = 0.05, 0.5
+_STAMPED_TOLERANCE = 0.05
+_ARRIVAL_TOLERANCE = 0.5
 """Largest relative difference between stated and measured period, with and without time stamps.
 
-Beyond, the measured period is used.
+If the difference is larger, the measured period is used.
 """
 _MAX_LINE_LOAD = 0.8
 """Fraction of the data rate of a serial port that samples may use."""
