@@ -28,7 +28,7 @@ import { inWords } from "./verbs.js";
 
 const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning", "body"];
 const VIEW_KEYS = "1234567890"; // keys of the views
-const SOMETIMES = ["improve", "learning", "body"]; // views that exist only for some benches
+const SOMETIMES = ["loop", "improve", "levitation", "learning", "body"]; // views that exist only for some benches
 
 const at = (id) => document.getElementById(id);
 const kept = keeping(); // choices for this browser and any rig
@@ -85,14 +85,14 @@ function open(bench) {
     parameters,
     scope,
     sets: new Sets(at("parameters"), parameters, order),
-    loop: new LoopView(at("loop"), bench, store),
+    loop: bench.commands.length ? new LoopView(at("loop"), bench, store) : null, // not for a foreign firmware
     steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
     improve:
-      bench.limits || bench.learns || bench.keeps_time
+      bench.commands.length && (bench.limits || bench.learns || bench.keeps_time)
         ? new (bench.learns && !both ? Learning : Improve)(at("improve"), bench, order)
         : null,
     learning: both ? new Learning(at("learning"), bench, order) : null,
-    levitation: new LevitationView(at("levitation"), bench, store),
+    levitation: bench.commands.length ? new LevitationView(at("levitation"), bench, store) : null,
     spectrum: new SpectrumView(at("spectrum"), bench, store),
     body: bench.body ? new BodyView(at("body"), bench, store) : null,
     panel: new Panel(at("panel"), bench, order, parameters),
