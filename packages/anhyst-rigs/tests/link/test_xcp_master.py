@@ -15,7 +15,7 @@ from anhyst.support.states import Command, State
 from anhyst.support.xcp_map import SIGNALS
 from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.link.frames import Setting
-from anhyst_rigs.link.wire import frame_packet
+from anhyst_rigs.link.wire import SERIAL_FRAMING, frame_packet
 from anhyst_rigs.link.xcp import AnswerLostError, XcpLine, XcpMaster
 from tests.refusals import refused
 
@@ -66,7 +66,7 @@ def terminal() -> Iterator[Terminal]:
 
 
 def on_line(packet: bytes) -> bytes:
-    return frame_packet(packet, 5, serial=True)
+    return frame_packet(packet, 5, framing=SERIAL_FRAMING)
 
 
 def test_damaged_messages_are_skipped_and_later_ones_accepted(terminal: Terminal) -> None:
@@ -76,9 +76,9 @@ def test_damaged_messages_are_skipped_and_later_ones_accepted(terminal: Terminal
         broken[6] ^= 4
         os.write(terminal.ours, b"\x11\x22\x33" + good[0] + bytes(broken) + good[2] + good[3])
         found = line.take_samples()
-        while len(found) < 12:
+        while len(found) < 3:
             found += line.take_samples()
-        assert found == b"".join(bytes((0, 0, n, 7)) for n in (0, 2, 3))
+        assert found == [bytes((0, 0, n, 7)) for n in (0, 2, 3)]
         assert line.skipped_bytes == 3 + len(broken)
 
 

@@ -10,7 +10,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-from anhyst_rigs.link.wire import frame_packet, split_packets
+from anhyst_rigs.link.wire import SERIAL_FRAMING, frame_packet, split_packets
 
 _POLL_S = 0.02
 
@@ -88,7 +88,7 @@ def _reframe(ours: int, far: socket.socket, way: Way) -> None:
     while not way.ended.is_set():
         ends = select.select([ours, far.fileno()], [], [], _POLL_S)[0]
         if ours in ends:
-            message = split_packets(commands + os.read(ours, 1 << 16), serial=True)
+            message = split_packets(commands + os.read(ours, 1 << 16), framing=SERIAL_FRAMING)
             commands = message.incomplete_bytes
             for packet in message.packets if way.carries else ():
                 far.sendall(frame_packet(packet))
@@ -99,7 +99,7 @@ def _reframe(ours: int, far: socket.socket, way: Way) -> None:
             came = split_packets(samples + data)
             samples = came.incomplete_bytes
             for packet in came.packets if way.carries else ():
-                os.write(ours, frame_packet(packet, serial=True))
+                os.write(ours, frame_packet(packet, framing=SERIAL_FRAMING))
 
 
 def _running(way: Way, run: Callable[[], None]) -> Iterator[Way]:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -234,13 +234,10 @@ class DrivenBench(Bench):
     """A bench that adds a generator to another bench, and stores the target and the load."""
 
     def __init__(self, bench: Bench, on_refusal: Callable[[str], None], log: Callable[[str], None]) -> None:
-        self.rate, self.ticks_per_row, self.has_own_clock = (
-            bench.rate,
-            bench.ticks_per_row,
-            bench.has_own_clock,
-        )
-        self.signals, self.commands = bench.signals, bench.commands
-        self.demand_range, self.max_load = bench.demand_range, bench.max_load
+        self._bench = bench
+        self._copy_attributes()
+        self.commands, self.has_own_clock = bench.commands, bench.has_own_clock
+        self.max_load = bench.max_load
         self.body = getattr(bench, "body", None)
         self.injection_port = bench.injection_port
         self.target = bench.demand_range.value
@@ -248,8 +245,24 @@ class DrivenBench(Bench):
         self._on_event = log
         self.load_N: float | None = None
         self.generator: Wave | None = None  # signal that the bench adds to the target
-        self._bench = bench
+
+    def _copy_attributes(self) -> None:
+        """Copy the attributes that a choice of signals changes."""
+        bench = self._bench
+        self.rate, self.ticks_per_row, self.signals = bench.rate, bench.ticks_per_row, bench.signals
+        self.catalogue, self.demand_range = bench.catalogue, bench.demand_range
         self._chunk_ticks = max(1, round(_CHUNK_S * bench.rate))
+
+    def search(self, text: str, max_count: int) -> list[Mapping[str, object]]:
+        """Return descriptions of variables that can be chosen."""
+        return self._bench.search(text, max_count)
+
+    def choose(self, signals: Sequence[str], parameters: Sequence[str], event: int | None) -> None:
+        """Choose other signals and parameters."""
+        try:
+            self._bench.choose(signals, parameters, event)
+        finally:
+            self._copy_attributes()
 
     @property
     def tick(self) -> int:
@@ -270,7 +283,7 @@ class DrivenBench(Bench):
                 self.target = self._bench.demand_range.value
                 self._on_event(message)
             self.loss_reason = self._bench.loss_reason
-            if self.loss_reason:
+            if self.loss_reason or not len(chunks[-1]):
                 break
         return np.concatenate(chunks)
 

@@ -297,6 +297,26 @@ def _execute_record(session: LiveSession, client_name: str, fields: Fields) -> F
     return {}
 
 
+_MAX_FOUND_VARIABLES = 200
+"""Maximum number of variables in the answer to a search."""
+
+
+def _find_variables(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    return {"found": session.bench.search(str(fields.get("text", ""))[:200], _MAX_FOUND_VARIABLES)}
+
+
+def _execute_choose(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    """Choose the signals and the parameters of a bench that offers more than it shows."""
+    names = {key: fields.get(key) for key in ("signals", "parameters")}
+    for key, value in names.items():
+        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+            raise InputError(f"{key}: names none", code="missing", key=key)
+    event = None if fields.get("event") is None else int(read_finite_number(fields, "event"))
+    session.choose(names["signals"], names["parameters"], event)  # type: ignore[arg-type]
+    session.log_change(client_name, f"chose {len(session.bench.signals)} signals")
+    return {}
+
+
 def _execute_learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     """Start or stop the calibration from the motion, or discard the estimates."""
     learner = session.learner
@@ -352,8 +372,12 @@ def _read_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     return {"parameters": saved_values, "differing": changed_values(session.parameters, saved_values)}
 
 
-ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {"save set": _save_set, "read set": _read_set}
-"""Orders that access only the disk. The bench does not wait for them."""
+ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {
+    "save set": _save_set,
+    "read set": _read_set,
+    "find": _find_variables,
+}
+"""Orders that do not access the controller. The bench does not wait for them."""
 
 _ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "command": _execute_command,
@@ -363,6 +387,7 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "apply": _execute_apply,
     "pace": _execute_pace,
     "record": _execute_record,
+    "choose": _execute_choose,
     "improve": perform_improvement_step,
     "learn": _execute_learn,
     "response": _execute_response,

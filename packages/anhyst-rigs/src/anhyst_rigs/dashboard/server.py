@@ -89,6 +89,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "aim": bench.demand_range._asdict(),
         "load_most": bench.max_load,
         "body": bench.body,
+        "catalogue": None if bench.catalogue is None else bench.catalogue._asdict(),
         "keeps_time": bench.has_own_clock,
         "every": bench.ticks_per_row,
         "commands": [command.name.lower() for command in bench.commands],
@@ -147,11 +148,13 @@ _Result = TypeVar("_Result")
 class Client:
     """A browser that is connected, and the data that wait for it."""
 
-    def __init__(self, client_number: int, socket: WebSocket, ticks_per_row: int) -> None:
+    def __init__(self, client_number: int, socket: WebSocket) -> None:
         self.number = client_number
         self.socket = socket
-        self.outbox = RowQueue(ticks_per_row=ticks_per_row)
+        self.outbox = RowQueue()
+        self.leave: Callable[[], None] = lambda: None  # ends the subscription
         self.sent_log_entries, self.sent_laps = 0, 0
+        self.signals: tuple[Signal, ...] = ()
         self.parameters: tuple[Parameter, ...] = ()
         self.curves: tuple[DrawnLoop, ...] = ()
         self.results: Mapping[str, Any] = {}
@@ -220,21 +223,28 @@ class LiveServer:
 
     async def _serve_client(self, socket: WebSocket) -> None:
         self._client_count += 1
-        client = Client(self._client_count, socket, self.session.bench.ticks_per_row)
+        client = Client(self._client_count, socket)
         self._clients[client.number] = client
         self.desk.join(client.number)
-        client.parameters, client.curves = self.session.parameters, self.session.curves
-        client.derived = self.session.derived.definitions
-        await client.send_message(make_welcome_message(self.session, self._title, client.number))
-        leave = self.session.subscribe(client.outbox.put)
+        await self._send_welcome(client)
         sender = asyncio.create_task(self._send_frames(client))
         try:
             await self._receive_messages(client)
         finally:
-            leave()
+            client.leave()
             sender.cancel()
             self.desk.leave(client.number)
             del self._clients[client.number]
+
+    async def _send_welcome(self, client: Client) -> None:
+        """Describe the bench to a browser, and subscribe it to the rows of the present signals."""
+        client.signals = self.session.signals
+        client.outbox = RowQueue(ticks_per_row=self.session.bench.ticks_per_row)
+        client.parameters, client.curves = self.session.parameters, self.session.curves
+        client.derived = self.session.derived.definitions
+        await client.send_message(make_welcome_message(self.session, self._title, client.number))
+        client.leave()
+        client.leave = self.session.subscribe(client.outbox.put)
 
     async def _send_frames(self, client: Client) -> None:
         """Send frames as fast as the browser accepts them, and the status at regular times."""
@@ -242,6 +252,8 @@ class LiveServer:
         due_time = 0.0
         try:
             while True:
+                if client.signals is not self.session.signals:
+                    await self._send_welcome(client)
                 if clock() >= due_time:
                     due_time = clock() + _STATUS_PERIOD_S
                     self.desk.check_timeout()

@@ -42,7 +42,17 @@ WATCH_ONLY_REASON = "another browser operates; ask to take over"
 _MOVING_ORDERS = ("target", "generator", "apply")
 """Orders that can move the controlled body, in addition to the commands of the controller."""
 
-_OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "response", "sets", "derive")
+_OTHER_ORDERS = (
+    "load",
+    "pace",
+    "record",
+    "improve",
+    "learn",
+    "response",
+    "sets",
+    "derive",
+    "choose",
+)
 
 
 def disturbs_measurement(order: str) -> bool:
@@ -61,6 +71,9 @@ def find_refusals(
     """Return the orders that are not possible now, with the reason for each."""
     if end_reason:
         return refuse_all_orders(bench, end_reason)
+    if not bench.commands:
+        reason = bench.loss_reason or "anhyst knows no target of this firmware; change one of its parameters"
+        return dict.fromkeys(("target", "generator"), reason)
     if bench.loss_reason or state is None:
         return dict.fromkeys(
             (*_commands_by_name(bench), *_MOVING_ORDERS), bench.loss_reason or "no sample has come yet"
@@ -123,29 +136,60 @@ class LiveSession:
         self.log_entry_count = 0
         self.parameters = bench.parameters()
         self.last_applied_tick = 0
-        self._names = [signal.name for signal in bench.signals]
-        self._values: dict[str, float] = {}
         self._closed = False
-        self._missing_ticks, self._last_tick = 0, 0
         self._listeners: tuple[Listener, ...] = ()
         folder = folder or Path.cwd()
         self.sets = ParameterSets(folder)
-        self.derived = DerivedSignals(bench.signals, bench.rate)
-        self.recorder = TickRecorder(bench.signals, bench.rate, folder, self._log_recorder, self.derived)
+        self._make_recorder(folder)
         if recording is not None:
             self.recorder.start_in_file(recording, RecordingSpan(), 0)
             self._note_parameters()
         self.pacer = PacedBench(self.bench, is_paused=True)
-        full_subscription = self.pacer.subscribe("the recording", needs_every_tick=True)
-        self._threads = [
-            _start_thread("pages", self._pass_rows_to_listeners, self.pacer.subscribe("pages")),
-            _start_thread("recorder", self.recorder.run, full_subscription),
-        ]
+        self._threads: list[threading.Thread] = []
+        self._pass_rows_on()
         if learner is not None:
             learn = partial(learner.run, run_on_bench=self.run_between_chunks)
             self._threads.append(
                 _start_thread("learner", learn, self.pacer.subscribe("learner", _MAX_QUEUED_CHUNKS))
             )
+
+    def _make_recorder(self, folder: Path) -> None:
+        """Prepare the derived signals and the recorder for the present signals of the bench."""
+        signals, rate = self.bench.signals, self.bench.rate
+        self.derived = DerivedSignals(signals, rate)
+        self.recorder = TickRecorder(signals, rate, folder, self._log_recorder, self.derived)
+
+    def _pass_rows_on(self) -> None:
+        """Pass the rows of the chosen signals to the pages and to the recorder from now on."""
+        self.signals = self.bench.signals  # another object after each choice
+        self._values: dict[str, float] = {}
+        self._missing_ticks, self._last_tick = 0, 0
+        self._subscriptions = [
+            self.pacer.subscribe("pages"),
+            self.pacer.subscribe("the recording", needs_every_tick=True),
+        ]
+        self._threads += [
+            _start_thread("pages", self._pass_rows_to_listeners, self._subscriptions[0]),
+            _start_thread("recorder", self.recorder.run, self._subscriptions[1]),
+        ]
+
+    def choose(self, signals: Sequence[str], parameters: Sequence[str], event: int | None) -> None:
+        """Choose other signals and parameters of the bench. All listeners must subscribe again."""
+        if self.recorder.status() is not None:
+            raise InputError(
+                "choose: a recording of the present signals runs; stop it first", code="busy", key="choose"
+            )
+        try:
+            self.bench.choose(signals, parameters, event)
+        finally:
+            for subscription in self._subscriptions:
+                subscription.close()
+            for thread in self._threads:
+                thread.join()
+            self._threads, self._listeners = [], ()
+            self._make_recorder(self.recorder.folder)
+            self.parameters = self.bench.parameters()
+            self._pass_rows_on()
 
     def start(self) -> None:
         """Start the bench's time."""
@@ -241,7 +285,8 @@ class LiveSession:
     def status(self) -> Mapping[str, Any]:
         """Return the state that a page shows in addition to the signals."""
         pacing, generator = self.pacer.pacing(), self.bench.generator
-        controller_state = controller_status(self._values) if self._values else None
+        knows_state = bool(self._values) and bool(self.bench.commands)
+        controller_state = controller_status(self._values) if knows_state else None
         refusals = find_refusals(self.bench, controller_state, self.end_reason, self.driven_reason)
         if reason := self.response_refusal:
             refusals = {"response": reason, **refusals}
@@ -256,8 +301,8 @@ class LiveSession:
             "waits_for": pacing.awaited_recorder,
             "target": self.bench.target,
             "load": self.bench.load_N,
-            "state": int(self._values.get("state", 0)),
-            "fault": int(self._values.get("fault", 0)),
+            "state": int(self._values.get("state", 0)) if self.bench.commands else None,
+            "fault": int(self._values.get("fault", 0)) if self.bench.commands else 0,
             "refused": refusals,
             "next": self._next_step(controller_state),
             "generator": None if generator is None else generator.as_dict(),
@@ -309,7 +354,9 @@ class LiveSession:
                 passed_ticks = int(rows[-1, 0]) - self._last_tick
                 self._missing_ticks += passed_ticks // self.bench.ticks_per_row - len(rows)
             self._last_tick = int(rows[-1, 0])
-            self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
+            self._values = dict(
+                zip([signal.name for signal in self.signals], rows[-1, 1:].tolist(), strict=True)
+            )
 
 
 def _start_thread(

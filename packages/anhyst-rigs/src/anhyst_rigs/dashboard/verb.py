@@ -22,6 +22,7 @@ from anhyst_rigs.dashboard.recording import RecordingFile, start_recording
 from anhyst_rigs.dashboard.server import MAX_MESSAGE_BYTES, LiveServer
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.dashboard.starting import serve_start_page
+from anhyst_rigs.rig.bench.foreign import is_description, open_foreign
 from anhyst_rigs.rig.bench.pace import raised_priority
 from anhyst_rigs.rig.bench.protocol import Bench
 from anhyst_rigs.study.bench import controller_url, open_board, prepare_board, prepare_cached
@@ -130,13 +131,20 @@ def live(
             code="option-not-for-this",
             key="--rig",
         )
+    is_foreign = url is not None and Path(rig).is_file()
+    if is_foreign and known is not None:
+        raise InputError(
+            "--rig: the model of a foreign firmware cannot be improved; leave --rig out",
+            code="option-not-for-this",
+            key="--rig",
+        )
     if url is not None and controller is not None:
         raise InputError(
             "--controller: a controller that runs has one already; leave it out",
             code="option-not-for-this",
             key="--controller",
         )
-    if url is None and file_kind(rig) is COMPILED_FOLDER:
+    if url is None and (is_description(Path(rig)) or file_kind(rig) is COMPILED_FOLDER):
         raise InputError(
             f"{rig}: runs on a controller; name it with --xcp or --port", code="options-missing", key="--xcp"
         )
@@ -186,6 +194,8 @@ def _open_bench(
     rig: Path, controller: PathLike | None, url: str | None, known: PathLike | None, progress: Progress | None
 ) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
     """Open a virtual rig or a running controller, with an improver and an estimator if possible."""
+    if url is not None and rig.is_file():
+        return open_foreign(rig, url), None, None
     if url is not None:
         on_board = None if known is None else prepare_board(known, rig)
         board_bench = open_board(rig, url)

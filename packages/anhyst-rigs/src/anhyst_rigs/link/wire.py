@@ -121,8 +121,22 @@ def _parse_frame(encoded: bytes) -> Frame | None:
     return Frame(version, kind, sequence, tick, payload)
 
 
-_XCP_HEAD = struct.Struct("<HH")
-_CHECKSUM_BYTES = 2
+class Framing(NamedTuple):
+    """Head and tail of the XCP packets on a line."""
+
+    head: str = "<HH"  # format of the length, and of a counter or of fill bytes
+    checksum_bytes: int = 0  # size of the sum behind a packet; 0 on TCP, which needs none
+    max_packet_bytes: int = MAX_PACKET_BYTES
+
+    @property
+    def has_counter(self) -> bool:
+        """Whether the head counts the packets."""
+        return len(self.head) == 3 and "x" not in self.head
+
+
+TCP_FRAMING = Framing()
+SERIAL_FRAMING = Framing(checksum_bytes=2)
+"""Framing of the second serial port of a board."""
 
 
 class SplitResult(NamedTuple):
@@ -134,31 +148,32 @@ class SplitResult(NamedTuple):
     is_broken: bool  # whether the remaining bytes cannot be a packet (only TCP)
 
 
-def frame_packet(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
+def frame_packet(packet: bytes, counter: int = 0, framing: Framing = TCP_FRAMING) -> bytes:
     """Return an XCP packet with its head, and on a serial port with its checksum."""
-    line_bytes = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
-    if not serial:
-        return line_bytes
-    line_bytes += b"\0" * (len(packet) % 2)
-    return line_bytes + _checksum(line_bytes)
+    fields = [len(packet), counter & (0xFF if "B" in framing.head else 0xFFFF)]
+    line_bytes = struct.pack(framing.head, *fields[: 1 + framing.has_counter]) + packet
+    line_bytes += b"\0" * (len(line_bytes) % 2 if framing.checksum_bytes == 2 else 0)
+    return line_bytes + _checksum(line_bytes, framing)
 
 
-def split_packets(data: bytes, serial: bool = False) -> SplitResult:
-    """Split received bytes into packets; on a serial port, invalid bytes are skipped."""
+def split_packets(data: bytes, framing: Framing = TCP_FRAMING) -> SplitResult:
+    """Split received bytes into packets; if there is a checksum, invalid bytes are skipped."""
     position, skipped_bytes = 0, 0
     packets: list[bytes] = []
-    while position + _XCP_HEAD.size <= len(data):
-        length, _ = _XCP_HEAD.unpack_from(data, position)
-        begin = position + _XCP_HEAD.size
-        end = begin + length + (length % 2 if serial else 0)
-        packet_end = end + (_CHECKSUM_BYTES if serial else 0)
-        is_possible = 0 < length <= MAX_PACKET_BYTES
+    head = struct.Struct(framing.head)
+    while position + head.size <= len(data):
+        length = head.unpack_from(data, position)[0]
+        begin = position + head.size
+        end = begin + length
+        end += (end - position) % 2 if framing.checksum_bytes == 2 else 0
+        packet_end = end + framing.checksum_bytes
+        is_possible = 0 < length <= framing.max_packet_bytes
         if is_possible and packet_end > len(data):
             break
-        if is_possible and (not serial or _checksum(data[position:end]) == data[end:packet_end]):
+        if is_possible and _checksum(data[position:end], framing) == data[end:packet_end]:
             packets.append(data[begin : begin + length])
             position = packet_end
-        elif serial:
+        elif framing.checksum_bytes:
             skipped_bytes += 1
             position += 1
         else:
@@ -166,10 +181,11 @@ def split_packets(data: bytes, serial: bool = False) -> SplitResult:
     return SplitResult(packets, data[position:], skipped_bytes, False)
 
 
-def _checksum(data: bytes) -> bytes:
-    """Return the sum of all words, with the low byte first."""
-    word_sum: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
-    return (word_sum & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
+def _checksum(data: bytes, framing: Framing) -> bytes:
+    """Return the sum of all bytes or of all words, with the low byte first."""
+    size = framing.checksum_bytes
+    total = sum(struct.unpack(f"<{len(data) // 2}H", data) if size == 2 else data if size else b"")
+    return (total & ((1 << 8 * size) - 1)).to_bytes(size, "little")
 
 
 def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:

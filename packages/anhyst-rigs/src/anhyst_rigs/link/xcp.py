@@ -28,10 +28,21 @@ from anhyst.support.xcp_map import AREA_ADDRESSES, INPUTS, SIGNALS
 from anhyst_rigs.link import frames
 from anhyst_rigs.link.client import ControllerLink, RequestRefusedError
 from anhyst_rigs.link.frames import Body, Message, NakAnswer, Reason, Setting
-from anhyst_rigs.link.wire import BAUD, Port, compute_key, frame_packet, split_packets
+from anhyst_rigs.link.wire import (
+    BAUD,
+    SERIAL_FRAMING,
+    TCP_FRAMING,
+    Framing,
+    Port,
+    compute_key,
+    frame_packet,
+    split_packets,
+)
 
 _EVENT_PID = 0xFD
 _MIN_SERVICE_PID = 0xFC
+_COMMAND_PENDING = 0x05
+_SESSION_TERMINATED = 0x07
 _SYNCH = b"\xfc"
 _SYNCH_ANSWER = b"\xfe\x00"
 _POLL_S = 0.05
@@ -55,18 +66,29 @@ class AnswerLostError(InputError):
 class XcpLine:
     """An open XCP line that sends one command at a time; a thread receives all packets."""
 
-    def __init__(self, url: str, timeout: float) -> None:
+    def __init__(
+        self,
+        url: str,
+        timeout: float,
+        framing: Framing | None = None,
+        baud: int = BAUD,
+        repeats: bool = False,
+    ) -> None:
         self.url = url
         self.timeout = timeout
         self.serial = not url.startswith("socket://")
+        self.framing = framing or (SERIAL_FRAMING if self.serial else TCP_FRAMING)
+        self.baud = baud
+        self._repeats = repeats or self.serial
         self.overload_count = 0
         self.skipped_bytes = 0
+        self._packet_count = 0
         self.lock = threading.RLock()
         self._answers: Queue[bytes] = Queue()
         self._samples: deque[bytes] = deque(maxlen=_MAX_WAITING_SAMPLES)
         self._arrival = threading.Condition()
         self._closed = threading.Event()
-        self._port = Port(url)
+        self._port = Port(url, baud)
         if self.serial:
             time.sleep(_RESET_SILENCE_S)
         self._reader = threading.Thread(target=self._run_reader, name="xcp", daemon=True)
@@ -81,9 +103,11 @@ class XcpLine:
     def send_command(self, command: bytes) -> bytes:
         """Send a command and return its answer."""
         with self.lock:
-            self._port.write(frame_packet(command, serial=self.serial))
+            self._write(command)
             answer = self._next_answer()
-            if answer is None and self.serial and not self._closed.is_set():
+            while answer == _SYNCH_ANSWER:  # a late one: only a synchronisation is answered in this way
+                answer = self._next_answer()
+            if answer is None and self._repeats and not self._closed.is_set():
                 # A late answer would be taken for the answer to the next command.
                 self._synchronise()
                 raise AnswerLostError(
@@ -95,16 +119,21 @@ class XcpLine:
                 raise self.make_lost_error()
             return answer
 
-    def take_samples(self) -> bytes:
-        """Wait for the first sample; return all samples that were received, concatenated."""
+    def take_samples(self) -> list[bytes]:
+        """Wait for the first sample; return the packets of all samples that were received."""
+        packets = self.poll_samples(self.timeout)
+        if not packets:
+            text = f"{self.url}: no tick arrived for {self.timeout:g} s; the controller does not run"
+            raise InputError(text, code="no-tick")
+        return packets
+
+    def poll_samples(self, wait_s: float) -> list[bytes]:
+        """Return the packets of all samples; wait at most `wait_s`, s, for the first one."""
         with self._arrival:
-            self._arrival.wait_for(lambda: self._samples or self._closed.is_set(), self.timeout)
+            self._arrival.wait_for(lambda: self._samples or self._closed.is_set(), wait_s)
             if not self._samples and self._closed.is_set():
                 raise self.make_lost_error()
-            if not self._samples:
-                text = f"{self.url}: no tick arrived for {self.timeout:g} s; the controller does not run"
-                raise InputError(text, code="no-tick")
-            packets = b"".join(self._samples)
+            packets = list(self._samples)
             self._samples.clear()
         return packets
 
@@ -114,19 +143,26 @@ class XcpLine:
             f"{self.url}: the controller is gone; check its power and the line", code="port-gone"
         )
 
+    def _write(self, packet: bytes) -> None:
+        self._port.write(frame_packet(packet, self._packet_count, self.framing))
+        self._packet_count += 1
+
     def _next_answer(self) -> bytes | None:
-        deadline = time.monotonic() + (_ANSWER_TIMEOUT_S if self.serial else self.timeout)
+        """Return the next answer, or None after the time limit, which starts again while one is pending."""
+        time_limit = _ANSWER_TIMEOUT_S if self.serial else self.timeout
+        deadline = time.monotonic() + time_limit
         while time.monotonic() < deadline and not self._closed.is_set():
-            try:
-                return self._answers.get(timeout=_POLL_S)
-            except Empty:
-                continue
+            with suppress(Empty):
+                packet = self._answers.get(timeout=_POLL_S)
+                if packet[0] != _EVENT_PID:
+                    return packet
+                deadline = time.monotonic() + time_limit
         return None
 
     def _synchronise(self) -> None:
         """Synchronise with the controller after an answer was lost."""
         for _ in range(3):
-            self._port.write(frame_packet(_SYNCH, serial=self.serial))
+            self._write(_SYNCH)
             while (answer := self._next_answer()) is not None:
                 if answer == _SYNCH_ANSWER:
                     return
@@ -137,7 +173,7 @@ class XcpLine:
         incomplete = b""
         try:
             while not self._closed.is_set():
-                result = split_packets(incomplete + self._port.read(_POLL_S), self.serial)
+                result = split_packets(incomplete + self._port.read(_POLL_S), self.framing)
                 incomplete = result.incomplete_bytes
                 self.skipped_bytes += result.skipped_bytes
                 if result.is_broken:
@@ -153,10 +189,13 @@ class XcpLine:
     def _dispatch(self, packets: list[bytes]) -> None:
         samples = [packet for packet in packets if packet[0] < _MIN_SERVICE_PID]
         for packet in packets:
-            if packet[0] == _EVENT_PID:
-                self.overload_count += 1
-            elif packet[0] > _EVENT_PID:
+            event = packet[1] if packet[0] == _EVENT_PID and len(packet) > 1 else -1
+            if packet[0] > _EVENT_PID or event == _COMMAND_PENDING:
                 self._answers.put(packet)
+            elif event == _SESSION_TERMINATED:
+                raise self.make_lost_error()
+            elif packet[0] == _EVENT_PID:
+                self.overload_count += 1
         if samples:
             with self._arrival:
                 self._samples.extend(samples)
@@ -339,7 +378,7 @@ class XcpMaster:
         """Wait for the last sample up to a tick, and return all samples that were received."""
         rows = np.empty((0, 1 + len(self.signals)), dtype=np.int64)
         while not len(rows) or rows[-1, 0] + self.tick_interval <= tick:
-            rows = np.concatenate((rows, self._decode(self._line.take_samples())))
+            rows = np.concatenate((rows, self._decode(b"".join(self._line.take_samples()))))
         return rows
 
     def _decode(self, packets: bytes) -> Samples:

@@ -38,7 +38,8 @@ def live(
     Parameters
     ----------
     rig : path-like
-        Rig file of any kind. With `xcp` or `port`, the compiled folder of the firmware.
+        Rig file of any kind. With `xcp` or `port`, the compiled folder of the firmware, or the A2L
+        or ELF file of any firmware with XCP.
     controller : path-like, ``FILE``, optional
         Controller file. [default: 'controller.toml' next to the rig file]
     xcp : str, ``HOST:PORT``, optional
@@ -77,6 +78,8 @@ def live(
     anhyst live examples/bearing/rig.toml
 
     anhyst live examples/piezo/rig.toml
+
+    anhyst live firmware.a2l --xcp 192.168.1.7:5555
     """
     from importlib.util import find_spec
 

@@ -2,6 +2,7 @@
 
 import "./bode.js";
 import { BodyView } from "./body.js";
+import "./catalogue.js";
 import { NAME as COMPENSATION } from "./compensation.js";
 import { Desks } from "./desks.js";
 import { download, keeping, make, refuse } from "./dom.js";
@@ -28,7 +29,7 @@ import { inWords } from "./verbs.js";
 
 const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning", "body"];
 const VIEW_KEYS = "1234567890"; // keys of the views
-const SOMETIMES = ["improve", "learning", "body"]; // views that exist only for some benches
+const SOMETIMES = ["loop", "improve", "levitation", "learning", "body"]; // views that exist only for some benches
 
 const at = (id) => document.getElementById(id);
 const kept = keeping(); // choices for this browser and any rig
@@ -86,30 +87,33 @@ function open(bench) {
     parameters,
     scope,
     sets: new Sets(at("parameters"), parameters, order),
-    loop: new LoopView(at("loop"), bench, store),
+    loop: bench.commands.length ? new LoopView(at("loop"), bench, store) : null, // not for a foreign firmware
     steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
     improve:
-      bench.limits || bench.learns || bench.keeps_time
+      bench.commands.length && (bench.limits || bench.learns || bench.keeps_time)
         ? new (bench.learns && !both ? Learning : Improve)(at("improve"), bench, order)
         : null,
     learning: both ? new Learning(at("learning"), bench, order) : null,
-    levitation: new LevitationView(at("levitation"), bench, store),
+    levitation: bench.commands.length ? new LevitationView(at("levitation"), bench, store) : null,
     spectrum: new SpectrumView(at("spectrum"), bench, store),
     body: bench.body ? new BodyView(at("body"), bench, store) : null,
     panel: new Panel(at("panel"), bench, order, parameters),
   };
   page.layouts = new Map([[bench.signals.length, bench.signals.map((one) => one.name)]]);
   const context = { bench, store, scope, parameters, order, notify };
-  page.fixed = new Map(kinds().filter((kind) => kind.fixed).map((kind) => [kind.kind, fixedPanel(kind, context)]));
+  page.fixed = new Map(fixedKinds().map((kind) => [kind.kind, fixedPanel(kind, context)]));
   tabs();
   page.list = new SignalList(at("signals"), bench, store, order, () => shownDesk()?.plot() ?? scope.plot);
   page.desks = new Desks(at("desks"), at("desktabs"), context, (n) => choose(n === null ? view : `desk ${n}`));
   at("title").textContent = bench.title;
+  refuse(at("stop"), bench.commands.length ? "" : "This firmware has no stop that anhyst knows.");
   document.title = `${bench.title} – anhyst live`;
   document.body.classList.remove("lost");
   window.anhyst = page;
   choose(lastView);
 }
+
+const fixedKinds = () => kinds().filter((kind) => kind.fixed && (kind.offered?.(page.bench) ?? true));
 
 // Makes a view of a panel that has a fixed tab.
 function fixedPanel(kind, context) {
@@ -340,10 +344,9 @@ function tabs() {
     return button;
   };
   const word = (name) => name.charAt(0).toUpperCase() + name.slice(1);
-  const fixed = kinds().filter((kind) => kind.fixed);
   at("tabs").replaceChildren(
     ...VIEWS.filter(offered).map((name) => tab(name, `${VIEW_KEYS[VIEWS.indexOf(name)]} ${word(name)}`)),
-    ...fixed.map(({ kind, title }) => tab(kind, title)),
+    ...fixedKinds().map(({ kind, title }) => tab(kind, title)),
   );
 }
 

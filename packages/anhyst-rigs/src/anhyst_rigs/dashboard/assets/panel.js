@@ -23,14 +23,16 @@ export class Panel {
     const generator = this.#group("Generator", "generator");
     this.recorder = new RecorderPanel(recorder, bench, order);
     this.generator = new GeneratorPanel(generator, bench, order);
+    // A foreign firmware has no commands and no target.
+    const operated = (group) => Object.assign(group, { hidden: !bench.commands.length });
     place.replaceChildren(
-      this.#group("State", "", this.states.element),
-      this.#group("Target", "target", ...this.#target()),
+      operated(this.#group("State", "", this.states.element)),
+      operated(this.#group("Target", "target", ...this.#target())),
       ...(parameters.value(COMPENSATION) === undefined
         ? []
         : [this.#group("Compensation", "apply", compensationSwitch(parameters))]),
       recorder,
-      generator,
+      operated(generator),
       ...(bench.load_most ? [this.#group("Load drive", "load", ...this.#load())] : []),
       ...(this.pushes.length ? [this.#group("Push", "apply", ...this.#push())] : []),
       ...(this.gap ? [this.#group("Armature", "apply", ...this.#armature())] : []),

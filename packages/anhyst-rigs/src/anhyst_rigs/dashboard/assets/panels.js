@@ -26,7 +26,7 @@
 //   plot            a TimePlot, which the common time draws
 //
 // A file that defines a kind calls register(kind); main.js imports it. A kind of which there is one panel with many
-// controls can also be a fixed tab: main.js shows it with `fixed: true`.
+// controls can also be a fixed tab: main.js shows it with `fixed: true`, if offered(bench) is missing or true.
 
 const KINDS = new Map();
 

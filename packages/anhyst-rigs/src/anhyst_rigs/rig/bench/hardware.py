@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import Body
-from anhyst_rigs.link.xcp import XcpMaster
+from anhyst_rigs.link.xcp import XcpLine, XcpMaster
 from anhyst_rigs.rig.bench.contact import (
     ControllerContact,
     OpenLineFunction,
@@ -63,7 +63,7 @@ class HardwareBench(Bench):
     ) -> None:
         self.rate = float(manifest["rate_Hz"])
         self._open_line, self._manifest, self._search_time = open_line, manifest, search_time
-        self._search: ControllerSearch | None = None
+        self._search: ControllerSearch[ControllerContact] | None = None
         self._messages: list[str] = []
         self._last_heartbeat = 0.0
         self._max_wait_ticks = max(1, int(_HEARTBEAT_PERIOD_S * self.rate))
@@ -237,26 +237,34 @@ _JOIN_TIME_S = 1.0
 """Time for which :meth:`ControllerSearch.close` waits for an attempt in progress, s."""
 
 
-class ControllerSearch:
+class HasLine(Protocol):
+    """A contact with a controller over a line."""
+
+    @property
+    def line(self) -> XcpMaster | XcpLine:
+        """The line, which can be closed."""
+
+
+_Contact = TypeVar("_Contact", bound=HasLine)
+
+
+class ControllerSearch(Generic[_Contact]):
     """Search for a controller in a thread for a limited time, with growing pauses in between."""
 
     def __init__(
-        self,
-        find_contact: Callable[[], ControllerContact],
-        close_line: Callable[[], None],
-        search_time: float,
+        self, find_contact: Callable[[], _Contact], close_line: Callable[[], None], search_time: float
     ) -> None:
         self._find_contact = find_contact
         self._close_line = close_line
         self._end = time.monotonic() + search_time
-        self._found: ControllerContact | None = None
+        self._found: _Contact | None = None
         self._failure: InputError | None = None
         self._cancelled, self._finished = threading.Event(), threading.Event()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="search", daemon=True)
         self._thread.start()
 
-    def wait(self, seconds: float) -> ControllerContact | None:
+    def wait(self, seconds: float) -> _Contact | None:
         """Wait for at most a time, s; return the contact, or None if the search has found none."""
         self._finished.wait(seconds)
         if self._failure is not None:
@@ -290,7 +298,7 @@ class ControllerSearch:
                 self._finished.set()
                 return
 
-    def _store_contact(self, contact: ControllerContact) -> None:
+    def _store_contact(self, contact: _Contact) -> None:
         """Store the contact, or close its line if the search was cancelled."""
         with self._lock:
             is_wanted = not self._cancelled.is_set()

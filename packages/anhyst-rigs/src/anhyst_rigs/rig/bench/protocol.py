@@ -10,7 +10,7 @@ import threading
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from anhyst._core import obstacle
 from anhyst.support.errors import InputError
@@ -126,6 +126,18 @@ class Parameter(NamedTuple):
     value: float  # present value
 
 
+class Catalogue(NamedTuple):
+    """What can be chosen on a bench whose signals and parameters are chosen while it runs."""
+
+    source: str  # file that describes the variables
+    variable_count: int
+    events: tuple[Mapping[str, Any], ...]  # number, name and period of each event, s
+    event: int | None  # number of the event that samples; None if the variables are polled
+    sampling: str  # how the chosen signals are sampled
+    max_signals: int
+    max_parameters: int
+
+
 class Knobs:
     """Adjustable parameters of a rig that do not belong to its controller."""
 
@@ -155,6 +167,7 @@ class Bench(ABC):
     max_load = 0.0  # largest force of the load drive in both directions, N; 0: no load drive
     has_own_clock = False  # whether the controller has its own clock, which gives the ticks
     ticks_per_row = 1  # number of ticks from one row to the next
+    catalogue: Catalogue | None = None  # what can be chosen; None: all signals are fixed
     loss_reason = ""  # why the controller is lost and searched for; empty while it responds
     injection_port: InjectionPort | None = None  # None: no signal can be added to the position reading
 
@@ -202,6 +215,16 @@ class Bench(ABC):
     @abstractmethod
     def apply(self, values: Mapping[str, float]) -> int:
         """Set all given parameters, or none; return the first tick with the new values."""
+
+    def search(self, text: str, max_count: int) -> list[Mapping[str, object]]:
+        """Return descriptions of variables that can be chosen, by words of their names."""
+        raise InputError("find: the signals of this bench are fixed", code="not-for-this-kind", key="find")
+
+    def choose(self, signals: Sequence[str], parameters: Sequence[str], event: int | None) -> None:
+        """Choose other signals and parameters; the attributes of the bench change."""
+        raise InputError(
+            "choose: the signals of this bench are fixed", code="not-for-this-kind", key="choose"
+        )
 
     @abstractmethod
     def close(self) -> None:
