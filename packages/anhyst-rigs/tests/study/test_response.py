@@ -20,7 +20,7 @@ from anhyst_rigs.study.bearing.linear import find_zone
 from anhyst_rigs.study.bearing.operating import find_operating_point, make_linear_loop
 from anhyst_rigs.study.response.measurement import measure_response
 from anhyst_rigs.study.response.multisine import Multisine, choose_lines, with_random_phases
-from anhyst_rigs.study.response.result import FrequencyResponse, read_response
+from anhyst_rigs.study.response.result import FrequencyResponse, ResponseName, read_response
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.simulated_seat import SimulatedSeat, deviations, linear_responses
@@ -70,7 +70,8 @@ def test_exact_points_of_drawn_bearings_equal_the_linear_loop(number: int) -> No
     assert len(response.frequency) == 200
     assert response.frequency[[0, -1]] == pytest.approx([1.0, 5000.0], rel=2e-3)
     assert response.duration < 20.0
-    for name, fewest in (("sensitivity", 195), ("closed_loop", 140), ("plant", 145)):
+    fewest_points: dict[ResponseName, int] = {"sensitivity": 195, "closed_loop": 140, "plant": 145}
+    for name, fewest in fewest_points.items():
         decibel, degrees, count = deviations(response, expected, name)
         assert count >= fewest, name
         assert decibel < 0.33, name

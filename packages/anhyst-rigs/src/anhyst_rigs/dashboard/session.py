@@ -42,17 +42,7 @@ WATCH_ONLY_REASON = "another browser operates; ask to take over"
 _MOVING_ORDERS = ("target", "generator", "apply")
 """Orders that can move the controlled body, in addition to the commands of the controller."""
 
-_OTHER_ORDERS = (
-    "load",
-    "pace",
-    "record",
-    "improve",
-    "learn",
-    "response",
-    "sets",
-    "derive",
-    "choose",
-)
+_OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "response", "sets", "derive", "choose")
 
 
 def disturbs_measurement(order: str) -> bool:
