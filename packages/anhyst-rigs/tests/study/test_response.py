@@ -13,12 +13,13 @@ import pytest
 import anhyst_rigs
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Sources
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import BearingSetup, operating_point
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import change_iron, change_rig
 from anhyst_rigs.study.bearing.linear import find_zone
 from anhyst_rigs.study.bearing.operating import find_operating_point, make_linear_loop
-from anhyst_rigs.study.response.measurement import measure_response
+from anhyst_rigs.study.response.measurement import PERIOD_S, measure_response
 from anhyst_rigs.study.response.multisine import Multisine, choose_lines, with_random_phases
 from anhyst_rigs.study.response.result import FrequencyResponse, ResponseName, read_response
 from tests.refusals import refused
@@ -160,6 +161,23 @@ def test_motion_and_current_stay_within_their_limits() -> None:
     current = table[:, names.index("command")]
     assert np.abs(current - np.median(current)).max() < 0.07 * 4.5
     assert np.abs(table[-100:, names.index("gap_read")] - setup.rig.gap).max() < 1e-6
+
+
+def test_the_injected_signal_fades_without_a_step() -> None:
+    """Before its first and after its last period, the signal is the same period with smaller values."""
+    seat = SimulatedSeat(drawn_setup(10), 1)
+    signals: list[FloatArray] = []
+    inject = seat.inject
+    seat.inject = lambda signal: signals.append(signal) or inject(signal)  # type: ignore[method-assign, func-returns-value]
+    measure_response(seat)
+    signal, period_ticks = max(signals, key=len), round(PERIOD_S * seat.rate)
+    for smaller, whole in (
+        (signal[:period_ticks], signal[period_ticks : 2 * period_ticks]),
+        (signal[-period_ticks:], signal[-2 * period_ticks : -period_ticks]),
+    ):
+        assert np.all(smaller * whole >= 0.0)
+        assert np.all(np.abs(smaller) <= np.abs(whole) * 1.000_001)
+    assert np.abs(signal[[0, -1]]).max() < 1e-3 * np.abs(signal).max()
 
 
 @pytest.mark.parametrize("motion", [0.0, -1e-6, 1e-4, math.nan, math.inf])

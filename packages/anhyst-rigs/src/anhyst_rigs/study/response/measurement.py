@@ -44,7 +44,7 @@ POINTS = 200
 LOW_HZ = 1.0
 HIGH_HZ = 5000.0
 """Lowest and highest frequency, Hz. Half the tick rate is a further limit."""
-_PERIOD_S = 5.0
+PERIOD_S = 5.0
 _PERIODS = 3
 _SETTLING_S = 1.5
 """Time in which the transient of the measuring signal decays, s."""
@@ -111,7 +111,7 @@ def measure_response(
         excitation = _design_excitation(loop, motion)
         period = excitation.respond()
         settling_ticks = round(_SETTLING_S * bench.rate)
-        signal = _fade(np.concatenate([period[-settling_ticks:], *[period] * _PERIODS]), bench.rate)
+        signal = _repeat(period, settling_ticks, round(_FADE_S * bench.rate))
         records = loop.record(signal)[:, settling_ticks : settling_ticks + _PERIODS * len(period)]
     finally:
         bench.inject(np.zeros(0))
@@ -127,13 +127,14 @@ def measure_response(
     )
 
 
-def _fade(signal: FloatArray, rate: float) -> FloatArray:
-    """Begin a signal gradually, and append a gradual end."""
-    count = round(_FADE_S * rate)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    faded = np.concatenate([signal, signal[:count] * ramp[::-1]])
-    faded[:count] *= ramp
-    return faded
+def _repeat(period: FloatArray, settling_ticks: int, fade_ticks: int) -> FloatArray:
+    """Return the last part of a period, all periods, and a fade; the signal begins and ends gradually."""
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(fade_ticks) + 0.5) / fade_ticks)
+    signal = np.concatenate(
+        [period[-settling_ticks:], *[period] * _PERIODS, period[:fade_ticks] * ramp[::-1]]
+    )
+    signal[:fade_ticks] *= ramp
+    return signal
 
 
 class _MeasuredLoop:
@@ -147,7 +148,7 @@ class _MeasuredLoop:
         self.ticks = 0  # number of ticks since the start
         self._progress = progress
         self._total_ticks = (
-            2.0 * _REST_S + _PILOT_PERIOD_S + _SETTLING_S + _PERIODS * _PERIOD_S + _FADE_S
+            2.0 * _REST_S + _PILOT_PERIOD_S + _SETTLING_S + _PERIODS * PERIOD_S + _FADE_S
         ) * bench.rate
         self._columns = {signal.name: 1 + number for number, signal in enumerate(bench.signals)}
         combinations = [self.port.reading, self.port.plant_input]
@@ -216,7 +217,7 @@ def _not_linear(text: str) -> InputError:
 def _design_excitation(loop: _MeasuredLoop, motion: float) -> Multisine:
     """Return the measuring signal, from the responses to a pilot signal that is as strong as the noise."""
     rate, port = loop.bench.rate, loop.port
-    high = min(HIGH_HZ, 0.5 * rate * (1.0 - 1.0 / (rate * _PERIOD_S)))
+    high = min(HIGH_HZ, 0.5 * rate * (1.0 - 1.0 / (rate * PERIOD_S)))
     rest = loop.record(np.zeros(round(_REST_S * rate)))
     noise = max(float(np.std(rest[0])), _MIN_NOISE_TO_MOTION * motion)
     pilot_ticks = round(_PILOT_PERIOD_S * rate)
@@ -227,7 +228,7 @@ def _design_excitation(loop: _MeasuredLoop, motion: float) -> Multisine:
     rest_ticks = round(_REST_S * rate)
     records = loop.record(np.concatenate([pilot_period[-rest_ticks:], pilot_period]))[:, rest_ticks:]
     records[0] -= pilot_period  # the position
-    period_ticks = round(_PERIOD_S * rate)
+    period_ticks = round(PERIOD_S * rate)
     lines = choose_lines(POINTS, LOW_HZ * period_ticks / rate, high * period_ticks / rate)
     pilot_gains = [pilot.amplitudes_of(record) / pilot.amplitudes for record in records]
     gains = [
