@@ -135,7 +135,7 @@ def test_the_page_measures_and_saves_a_response(serve: Serve, show: Show, tmp_pa
     served = serve()
     page = show(served)
     lift(page, served)
-    page.get_by_role("tab", name="Frequency response").click()
+    page.get_by_role("tab", name="Bode").click()
     page.locator("#measure-response").click()
     wait_for(lambda: served.session.meter.is_driving)
     wait_for(lambda: not served.session.meter.is_driving)

@@ -15,7 +15,7 @@ const EMPTY = "No frequency response yet. Lift the body, wait until it rests, an
 
 register({
   kind: "bode",
-  title: "Frequency response",
+  title: "Bode",
   size: [8, 9],
   fixed: true,
   make: (context, settings, save) => new BodePanel(context, settings, save),

@@ -3,7 +3,7 @@
 import { Plane, atLeast, limits } from "./canvas.js";
 import { make } from "./dom.js";
 import { register } from "./panels.js";
-import { columnOf, hint, leastSpan } from "./signals.js";
+import { columnOf, hint, leastSpan, reading } from "./signals.js";
 import { TimePlot } from "./timeplot.js";
 import { show, shown } from "./units.js";
 
@@ -121,9 +121,9 @@ register({
     const draw = paced(() => {
       const signal = bench.signals[columnOf(bench, name)];
       const { now, mean, rms } = statistics(context, signal.column);
-      value.textContent = show(now, signal.unit);
+      value.textContent = reading(signal, now);
       value.title = hint(signal);
-      range.textContent = `mean ${show(mean, signal.unit, 6)}, rms about it ${show(rms, signal.unit, 3)}`;
+      range.textContent = signal.values ? "" : `mean ${show(mean, signal.unit, 6)}, rms about it ${show(rms, signal.unit, 3)}`;
     });
     return { element: make("div", { className: "number-panel" }, value, range), tools: [choice], draw, drop: choose };
   },
@@ -154,7 +154,7 @@ register({
       const share = Math.min(1, Math.max(0, (now - low) / (high - low)));
       bar.style.width = `${100 * share}%`;
       bar.style.background = signal.colour;
-      value.textContent = show(now, signal.unit, 4);
+      value.textContent = reading(signal, now, 4);
       for (const [n, end] of [low, high].entries()) ends.children[n].textContent = show(end, signal.unit, 3);
     });
     return { element: make("div", { className: "gauge-panel" }, value, make("div", { className: "track" }, bar), ends), tools: [choice], draw, drop: choose };
@@ -191,7 +191,8 @@ register({
         const { now, mean, rms, low, high } = statistics(context, signal.column);
         const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });
         remove.setAttribute("aria-label", `remove ${signal.label}`);
-        const cells = [now, mean, rms, high - low].map((value) => make("td", { textContent: show(value, signal.unit, 4) }));
+        const texts = [reading(signal, now, 4), ...[mean, rms, high - low].map((value) => show(value, signal.unit, 4))];
+        const cells = texts.map((textContent) => make("td", { textContent }));
         return make("tr", {}, make("th", { textContent: signal.label, title: hint(signal), scope: "row" }), ...cells, make("td", {}, remove));
       });
       body.replaceChildren(...rows);

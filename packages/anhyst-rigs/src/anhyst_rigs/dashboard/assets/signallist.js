@@ -3,9 +3,8 @@
 import { DerivedForm } from "./derived.js";
 import { make } from "./dom.js";
 import { sign } from "./names.js";
-import { hint } from "./signals.js";
+import { hint, reading } from "./signals.js";
 import { stroke } from "./strip.js";
-import { show } from "./units.js";
 
 const READ_MS = 200; // time between two updates of the values
 
@@ -42,14 +41,14 @@ export class SignalList {
     box.onchange = () => this.active().toggle(name);
     const swatch = make("i", { className: "swatch" });
     swatch.style.background = stroke(signal);
-    const reading = make("output", { className: "reading" });
+    const value = make("output", { className: "reading" });
     const text = make("span", { className: "name", textContent: label }, sign(symbol));
-    const element = make("li", { draggable: true, title: hint(signal) }, make("label", {}, box, swatch, text), reading);
+    const element = make("li", { draggable: true, title: hint(signal) }, make("label", {}, box, swatch, text), value);
     element.dataset.signal = name;
     element.ondragstart = (event) => event.dataTransfer.setData("text/plain", name);
     if (expression) element.append(this.derived.removeButton(name));
     const words = [name, label, symbol, signal.unit, signal.doc].join(" ").toLowerCase();
-    return { signal, box, reading, element, words };
+    return { signal, box, value, element, words };
   }
 
   #filter() {
@@ -64,9 +63,9 @@ export class SignalList {
     if (now < this.#due || !this.store.count) return;
     this.#due = now + READ_MS;
     const chosen = this.active().names;
-    for (const { signal, box, reading, element } of this.#rows) {
+    for (const { signal, box, value, element } of this.#rows) {
       box.checked = chosen.has(signal.name);
-      if (!element.hidden) reading.textContent = show(this.store.value(signal.column, this.store.count - 1), signal.unit, 4);
+      if (!element.hidden) value.textContent = reading(signal, this.store.value(signal.column, this.store.count - 1), 4);
     }
   }
 }

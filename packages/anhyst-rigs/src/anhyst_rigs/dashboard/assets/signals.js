@@ -2,18 +2,31 @@
 
 import { lines } from "./colours.js";
 import { describe } from "./names.js";
-import { shown } from "./units.js";
+import { show, shown } from "./units.js";
 
 // Returns the column of a signal, or -1 if it does not exist.
 export function columnOf(bench, name) {
   return bench.signals.findIndex((signal) => signal.name === name);
 }
 
-// Adds the column, the readable name, the symbol and the line to each signal of a bench.
+// Adds the column, the readable name, the symbol, the line and the names of its values to each signal of a bench.
 export function label(bench) {
   const styles = lines(bench);
   for (const [column, signal] of bench.signals.entries())
-    Object.assign(signal, { column, ...describe(signal), ...styles.get(signal.name) });
+    Object.assign(signal, { column, values: NAMED[signal.name]?.(bench), ...describe(signal), ...styles.get(signal.name) });
+}
+
+// The names of the values of a signal that is a number of a state.
+const NAMED = {
+  state: ({ states }) => states,
+  phase: ({ phases }) => phases,
+  flight: ({ phases }) => phases,
+  fault: ({ faults }) => faults,
+};
+
+// Returns a value of a signal with its unit, or its name.
+export function reading({ unit, values }, value, digits) {
+  return values?.[value] ?? show(value, unit, digits);
 }
 
 // Returns the text that a signal shows on hover.

@@ -4,8 +4,8 @@ import { ink } from "./colours.js";
 import { make } from "./dom.js";
 import { axisName, sign } from "./names.js";
 import { Raster } from "./raster.js";
-import { hint, leastSpan } from "./signals.js";
-import { show, shown } from "./units.js";
+import { hint, leastSpan, reading } from "./signals.js";
+import { shown } from "./units.js";
 import uPlot from "./uplot/uPlot.esm.js";
 
 const MIN_HEIGHT_PX = 56; // smallest height of a plot, pixels
@@ -69,19 +69,19 @@ export class Strip {
   #key(plot, signal) {
     const swatch = make("i", { className: "swatch" });
     swatch.style.background = stroke(signal);
-    const reading = make("output", { className: "reading" });
+    const value = make("output", { className: "reading" });
     const remove = make("button", { className: "small", textContent: "×", onclick: () => plot.remove(signal.name) });
     remove.setAttribute("aria-label", `remove ${signal.label}`);
     const name = make("span", { textContent: signal.label }, sign(signal.symbol));
-    const key = make("span", { className: "key", draggable: true, title: hint(signal) }, swatch, name, reading, remove);
+    const key = make("span", { className: "key", draggable: true, title: hint(signal) }, swatch, name, value, remove);
     key.ondragstart = (event) => event.dataTransfer.setData("text/plain", signal.name);
     return key;
   }
 
   // Shows the values of a row in the legend.
   read(store, row) {
-    for (const [n, { unit, column }] of this.signals.entries())
-      this.legend.children[n].querySelector("output").textContent = show(store.value(column, row), unit);
+    for (const [n, signal] of this.signals.entries())
+      this.legend.children[n].querySelector("output").textContent = reading(signal, store.value(signal.column, row));
   }
 
   static heights(count, all) {

@@ -13,6 +13,8 @@ const SHOWN = {
   T: ["T", 1, 1e-3],
 };
 
+const STEPS_PER_LEAST = 1000; // smaller values than a step of the minimum range are shown as zero
+
 // Whether signals and parameters with a unit are always shown in the same multiple of it.
 export const isUsual = (unit) => unit in SHOWN;
 
@@ -32,7 +34,10 @@ export function fine(unit) {
 export function show(value, unit, digits = 5) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   const { name, factor } = shown(unit);
-  return `${Number((value * factor).toPrecision(digits))}${name ? ` ${name}` : ""}`;
+  const resolution = SHOWN[unit] ? SHOWN[unit][2] / STEPS_PER_LEAST : 0;
+  const size = value * factor;
+  const rounded = Math.abs(size) < resolution / 2 ? 0 : size;
+  return `${Number(rounded.toPrecision(digits))}${name ? ` ${name}` : ""}`;
 }
 
 // Returns a fraction of the demand range, rounded down to 1, 2 or 5 times a power of ten.
