@@ -23,7 +23,7 @@ from anhyst_rigs.rig.force.programs import Program
 from tests.link.foreign import slaves
 from tests.link.foreign.slaves import a2l_text
 from tests.live.board import running
-from tests.live.conftest import Serve, Served, wait_for
+from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.refusals import says
 from tests.rig import forces
 
@@ -156,6 +156,35 @@ def test_stop_and_target_say_that_they_are_not_known(serve: Serve, slave: Path) 
             assert browser.status["state"] is None
             assert "fixed" not in browser.order("find", text="controller.axis[2]")
             assert browser.bench["parameters"] == []
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (390, 844)])
+def test_the_page_searches_chooses_and_changes_variables(
+    serve: Serve, show: Show, slave: Path, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    """A ticked variable becomes a signal of the plot; a changed parameter arrives in the slave."""
+    with slaves.running(slave) as running_slave:
+        path = tmp_path / "slave.a2l"
+        path.write_text(a2l_text(running_slave.addresses), encoding="utf-8")
+        served = serve(open_foreign(path, running_slave.url))
+        page = show(served)
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.get_by_role("tab", name="Variables").click()
+        page.get_by_label("search variables").fill("gain")
+        page.get_by_label("tick as signal").wait_for(state="detached")
+        page.get_by_label("par_gain as signal").check()
+        page.locator("#choose").click()
+        page.wait_for_function("window.anhyst.bench.signals.some((one) => one.name === 'par_gain')")
+        page.keyboard.press("4")
+        field = page.locator("#parameters").get_by_label("par_gain")
+        field.fill("7.5")
+        page.get_by_role("button", name="Apply").click()
+        column = "window.anhyst.bench.signals.findIndex((one) => one.name === 'par_gain')"
+        page.wait_for_function(f"window.anhyst.store.value({column}, window.anhyst.store.count - 1) === 7.5")
+        page.keyboard.press("Escape")
+        wait_for(lambda: page.get_by_text("knows no command").count() > 0)
+        assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+        page.screenshot(path=str(tmp_path / "variables.png"))
 
 
 @pytest.mark.slow

@@ -112,12 +112,22 @@ def test_quantities_that_cannot_be_shown_rightly_are_counted(tmp_path: Path) -> 
         '/begin MEASUREMENT virtual "" UWORD plain 0 0 0 1 /end MEASUREMENT',
         '/begin MEASUREMENT gaps "" UWORD plain 0 0 0 1 ECU_ADDRESS 1 BIT_MASK 5 /end MEASUREMENT',
         '/begin MEASUREMENT ends "" UWORD plain 0 0 0 1 ECU_ADDRESS 1 BYTE_ORDER BIG_ENDIAN /end MEASUREMENT',
+        '/begin MEASUREMENT far "" UWORD plain 0 0 0 1 ECU_ADDRESS 0x55a0c80e7010 /end MEASUREMENT',
+        '/begin MEASUREMENT over "" UWORD plain 0 0 0 1 ECU_ADDRESS 0xFFFFFFFE ARRAY_SIZE 2 /end MEASUREMENT',
     ]
     found = read(tmp_path, a2l("\n".join(parts)))
     assert set(found.variables) == set(ADDRESSES)
-    assert sum(found.omitted.values()) == 7
+    assert sum(found.omitted.values()) == 9
     text = found.describe_omitted()
-    for reason in ("conversion FORM", "not monotonic", "COMPLEX_IEEE", "type CURVE", "no address", "gaps"):
+    for reason in (
+        "conversion FORM",
+        "not monotonic",
+        "COMPLEX_IEEE",
+        "type CURVE",
+        "no address",
+        "gaps",
+        "32 bits",
+    ):
         assert reason in text
     assert "BIG_ENDIAN (write MSB_FIRST or MSB_LAST)" in text
 

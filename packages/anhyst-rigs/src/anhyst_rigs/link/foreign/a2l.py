@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from anhyst.support.errors import InputError
 from anhyst_rigs.link.foreign.a2l_text import Block, read_blocks
 from anhyst_rigs.link.foreign.variables import (
     IDENTICAL,
+    MAX_ADDRESS,
+    MAX_ARRAY_ELEMENTS,
     BitField,
     Conversion,
     Description,
     EventChannel,
     Linear,
+    OmittedError,
     Rational,
     SerialLine,
     Table,
@@ -37,15 +41,9 @@ _CHECKSUM_BYTES = {"NO_CHECKSUM": 0, "CHECKSUM_BYTE": 1, "CHECKSUM_WORD": 2}
 _UNIT_EXPONENTS = (-9, -8, -7, -6, -5, -4, -3, -2, -1, 0, -12, -11, -10)
 """Powers of ten of the time units 0 to 12 of XCP, s."""
 
-MAX_ARRAY_ELEMENTS = 4096
-"""Maximum number of elements of an array that are offered; larger arrays are omitted."""
 
 _OWN_MARK = "contract/xcp.toml"
 """Text in the MOD_PAR of the files that anhyst writes."""
-
-
-class _OmittedError(Exception):
-    """A quantity cannot be used; its text completes the sentence "a quantity with ..."."""
 
 
 def read_a2l(path: Path) -> Description:
@@ -96,12 +94,12 @@ class _ModuleReader:
             read = {"MEASUREMENT": self._read_measurement, "CHARACTERISTIC": self._read_characteristic}
             try:
                 if block.keyword == "INSTANCE":
-                    raise _OmittedError("a TYPEDEF of A2L 1.7")
+                    raise OmittedError("a TYPEDEF of A2L 1.7")
                 for variable in read[block.keyword](block):
                     description.variables[variable.name] = variable
                     if block.keyword == "MEASUREMENT":
                         description.measurements.append(variable.name)
-            except _OmittedError as reason:
+            except OmittedError as reason:
                 description.omitted[str(reason)] += 1
             except (ValueError, IndexError):
                 name = block.items[0] if block.items else "?"
@@ -111,7 +109,7 @@ class _ModuleReader:
         name, doc, data_type, method, _, _, low, high = block.items[:8]
         address = block.option("ECU_ADDRESS")
         if not address or block.option("VIRTUAL") or any(block.inner("VIRTUAL")):
-            raise _OmittedError("no address")
+            raise OmittedError("no address")
         dimensions = block.option("MATRIX_DIM", 5) or block.option("ARRAY_SIZE")
         is_writable = "READ_WRITE" in block.items[8:]
         template = self._make(
@@ -122,9 +120,9 @@ class _ModuleReader:
     def _read_characteristic(self, block: Block) -> Iterator[Variable]:
         name, doc, kind, address, layout, _, method, low, high = block.items[:9]
         if kind not in {"VALUE", "VAL_BLK"}:
-            raise _OmittedError(f"type {kind}")
+            raise OmittedError(f"type {kind}")
         if any(block.inner("VIRTUAL_CHARACTERISTIC", "DEPENDENT_CHARACTERISTIC")):
-            raise _OmittedError("a value that depends on others")
+            raise OmittedError("a value that depends on others")
         access = block.option("CALIBRATION_ACCESS")
         is_writable = "READ_ONLY" not in block.items[9:] and access in ([], ["CALIBRATION"])
         data_type = self._read_layout(layout)
@@ -139,7 +137,7 @@ class _ModuleReader:
         layout = self._layouts.get(name)
         values = [] if layout is None else layout.option("FNC_VALUES", 4)
         if layout is None or len(layout.items) != 6 or len(values) != 4 or values[3] != "DIRECT":
-            raise _OmittedError("a record layout that contains more than values")
+            raise OmittedError("a record layout that contains more than values")
         return values[1]
 
     def _make(
@@ -149,11 +147,13 @@ class _ModuleReader:
         name, doc, data_type, method, low_text, high_text = fields
         byte_order = (block.option("BYTE_ORDER") or [self._byte_order])[0]
         if byte_order not in _BYTE_ORDERS:
-            raise _OmittedError(f"byte order {byte_order} (write MSB_FIRST or MSB_LAST)")
+            raise OmittedError(f"byte order {byte_order} (write MSB_FIRST or MSB_LAST)")
         if data_type not in _TYPES:
-            raise _OmittedError(f"data type {data_type}")
+            raise OmittedError(f"data type {data_type}")
         if list(block.inner("BIT_OPERATION")):
-            raise _OmittedError("a BIT_OPERATION")
+            raise OmittedError("a BIT_OPERATION")
+        if not 0 <= address <= MAX_ADDRESS:
+            raise OmittedError("an address of more than 32 bits")
         low, high = float(low_text), float(high_text)
         if low >= high:
             low, high = -math.inf, math.inf
@@ -181,25 +181,25 @@ class _ModuleReader:
             return IDENTICAL, "", ""
         method = self._methods.get(name)
         if method is None:
-            raise _OmittedError(f"an undefined conversion {name}")
+            raise OmittedError(f"an undefined conversion {name}")
         kind, unit = method.items[2], method.items[4]
         if kind == "IDENTICAL":
             return IDENTICAL, unit, ""
         if kind == "LINEAR":
             factor, offset = map(float, method.option("COEFFS_LINEAR", 2))
             if factor == 0.0:
-                raise _OmittedError("a conversion with the factor 0")
+                raise OmittedError("a conversion with the factor 0")
             return Linear(factor, offset), unit, ""
         if kind == "RAT_FUNC":
             return _rational([float(item) for item in method.option("COEFFS", 6)], low, high), unit, ""
         if kind in {"TAB_VERB", "TAB_INTP", "TAB_NOINTP"}:
             return self._read_table(method, kind, unit)
-        raise _OmittedError(f"conversion {kind}")
+        raise OmittedError(f"conversion {kind}")
 
     def _read_table(self, method: Block, kind: str, unit: str) -> tuple[Conversion, str, str]:
         table = self._tables.get((method.option("COMPU_TAB_REF") or [""])[0])
         if table is None:
-            raise _OmittedError("an undefined conversion table")
+            raise OmittedError("an undefined conversion table")
         if table.keyword == "COMPU_VTAB_RANGE":
             count = int(table.items[2])
             rows = [table.items[3 + 3 * n : 6 + 3 * n] for n in range(count)]
@@ -223,17 +223,15 @@ class _ModuleReader:
 def expand_array(element: Variable, count: int) -> Iterator[Variable]:
     """Yield the elements of an array in the order of memory; a scalar has the count 0."""
     if count > MAX_ARRAY_ELEMENTS:
-        raise _OmittedError(f"more than {MAX_ARRAY_ELEMENTS} elements")
+        raise OmittedError(f"more than {MAX_ARRAY_ELEMENTS} elements")
+    if element.address + count * element.size > MAX_ADDRESS + 1:
+        raise OmittedError("an address of more than 32 bits")
     if not count:
         yield element
     for index in range(count):
-        yield _moved(element, f"{element.name}[{index}]", index * element.size)
-
-
-def _moved(variable: Variable, name: str, offset: int) -> Variable:
-    from dataclasses import replace
-
-    return replace(variable, name=name, address=variable.address + offset)
+        yield replace(
+            element, name=f"{element.name}[{index}]", address=element.address + index * element.size
+        )
 
 
 def _rational(coefficients: Sequence[float], low: float, high: float) -> Conversion:
@@ -248,7 +246,7 @@ def _rational(coefficients: Sequence[float], low: float, high: float) -> Convers
 
 
 def _raise_omitted() -> Conversion:
-    raise _OmittedError("a RAT_FUNC that is not monotonic within its limits")
+    raise OmittedError("a RAT_FUNC that is not monotonic within its limits")
 
 
 def _bit_field(mask: int, data_type: str) -> BitField | None:
@@ -260,7 +258,7 @@ def _bit_field(mask: int, data_type: str) -> BitField | None:
     shift = (mask & -mask).bit_length() - 1
     width = mask.bit_count()
     if data_type[0] == "f" or not mask or mask >> shift != (1 << width) - 1:
-        raise _OmittedError("a bit mask with gaps")
+        raise OmittedError("a bit mask with gaps")
     return BitField(shift, width)
 
 

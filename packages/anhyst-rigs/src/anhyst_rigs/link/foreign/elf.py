@@ -10,13 +10,19 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from anhyst.support.errors import InputError
-from anhyst_rigs.link.foreign.variables import BitField, Description, Variable, names_text, require_variables
+from anhyst_rigs.link.foreign.variables import (
+    MAX_ADDRESS,
+    MAX_ARRAY_ELEMENTS,
+    BitField,
+    Description,
+    OmittedError,
+    Variable,
+    names_text,
+    require_variables,
+)
 
-MAX_ARRAY_ELEMENTS = 4096
-"""Maximum number of elements of an array that are offered; larger arrays are omitted."""
 MAX_MEMBERS = 200_000
 """Maximum number of scalars in one variable."""
-_MAX_ADDRESS = (1 << 32) - 1
 _OP_ADDRESS, _OP_PLUS = 0x03, 0x23
 _FLOAT, _BOOLEAN = 0x04, 0x02
 _SIGNED_ENCODINGS = {0x05, 0x06, 0x0D}
@@ -25,10 +31,6 @@ _QUALIFIERS = {f"DW_TAG_{name}_type" for name in ("const", "volatile", "restrict
     "DW_TAG_typedef"
 }
 _WRITE_FLAG, _ALLOCATE_FLAG = 0x1, 0x2
-
-
-class _OmittedError(Exception):
-    """A variable cannot be used; its text completes the sentence "a variable with ..."."""
 
 
 class _Member(NamedTuple):
@@ -108,7 +110,7 @@ class _ElfReader:
                 try:
                     for variable in self._expand(full_name, address, die):
                         description.variables[variable.name] = variable
-                except _OmittedError as reason:
+                except OmittedError as reason:
                     description.omitted[str(reason)] += 1
         return description
 
@@ -141,13 +143,13 @@ class _ElfReader:
 
     def _expand(self, name: str, address: int, die: Any) -> Iterator[Variable]:
         """Yield the scalars of a variable."""
-        if address > _MAX_ADDRESS:
-            raise _OmittedError("an address of more than 32 bits")
         if "DW_AT_type" not in die.attributes:
-            raise _OmittedError("no type")
+            raise OmittedError("no type")
         whole_type = die.get_DIE_from_attribute("DW_AT_type")
         is_writable = self._is_in_writable_section(address) and not _is_constant(whole_type)
         for member in self._type_members(whole_type):
+            if address + member.offset > MAX_ADDRESS:
+                raise OmittedError("an address of more than 32 bits")
             yield Variable(
                 f"{name}{member.suffix}",
                 address + member.offset,
@@ -185,7 +187,7 @@ class _ElfReader:
             return self._array_members(die)
         if die.tag in {"DW_TAG_structure_type", "DW_TAG_class_type", "DW_TAG_union_type"}:
             return self._struct_members(die)
-        raise _OmittedError(f"the type {die.tag.removeprefix('DW_TAG_').removesuffix('_type')}")
+        raise OmittedError(f"the type {die.tag.removeprefix('DW_TAG_').removesuffix('_type')}")
 
     def _base_member(self, die: Any) -> _Member:
         size, encoding = _number(die, "DW_AT_byte_size"), _number(die, "DW_AT_encoding")
@@ -193,7 +195,7 @@ class _ElfReader:
         if encoding == _FLOAT and size in {2, 4, 8}:
             return _Member("", 0, f"{order}f{size}", None, "")
         if size not in {1, 2, 4, 8} or encoding not in _SIGNED_ENCODINGS | _UNSIGNED_ENCODINGS:
-            raise _OmittedError(f"the type {_text(die, 'DW_AT_name')} of {size} bytes")
+            raise OmittedError(f"the type {_text(die, 'DW_AT_name')} of {size} bytes")
         letter = "i" if encoding in _SIGNED_ENCODINGS else "u"
         return _Member("", 0, f"{order}{letter}{size}", None, "")
 
@@ -218,10 +220,10 @@ class _ElfReader:
             if "DW_AT_upper_bound" in bound.attributes:
                 count = _number(bound, "DW_AT_upper_bound") + 1
             if count * len(indices) > MAX_ARRAY_ELEMENTS:
-                raise _OmittedError(f"more than {MAX_ARRAY_ELEMENTS} elements")
+                raise OmittedError(f"more than {MAX_ARRAY_ELEMENTS} elements")
             indices = [f"{index}[{n}]" for index in indices for n in range(count)]
         if len(indices) * len(elements) > MAX_MEMBERS:
-            raise _OmittedError(f"more than {MAX_MEMBERS} members")
+            raise OmittedError(f"more than {MAX_MEMBERS} members")
         return [
             element._replace(suffix=f"{index}{element.suffix}", offset=n * element_size + element.offset)
             for n, index in enumerate(indices)
@@ -243,7 +245,7 @@ class _ElfReader:
             offset = self._member_offset(field)
             try:
                 inner = self._type_members(field.get_DIE_from_attribute("DW_AT_type"))
-            except _OmittedError:
+            except OmittedError:
                 continue
             if _number(field, "DW_AT_bit_size"):
                 members.append(self._bit_member(field, name, offset, inner[0]))
@@ -253,7 +255,7 @@ class _ElfReader:
                 one._replace(suffix=f"{prefix}{one.suffix}", offset=offset + one.offset) for one in inner
             ]
         if not members:
-            raise _OmittedError("only members of unsupported types")
+            raise OmittedError("only members of unsupported types")
         return members
 
     def _member_offset(self, field: Any) -> int:
@@ -264,7 +266,7 @@ class _ElfReader:
             return location.value
         if location.value and location.value[0] == _OP_PLUS:
             return _uleb128(location.value[1:])
-        raise _OmittedError("a member at a computed address")
+        raise OmittedError("a member at a computed address")
 
     def _bit_member(self, field: Any, name: str, offset: int, whole: _Member) -> _Member:
         """Return a bit field as some bits of the integer that contains it."""

@@ -18,8 +18,16 @@ from numpy.typing import NDArray
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
+MAX_ARRAY_ELEMENTS = 4096
+"""Maximum number of elements of an array that are offered; larger arrays are omitted."""
+MAX_ADDRESS = (1 << 32) - 1
+"""Largest address in a command of XCP."""
 MAX_EXACT_INTEGER = float(1 << 53)
 """Largest integer that a value represents exactly, because values are double-precision numbers."""
+
+
+class OmittedError(Exception):
+    """A quantity cannot be used; the text completes the sentence "a quantity with ..."."""
 
 
 class Conversion(Protocol):
