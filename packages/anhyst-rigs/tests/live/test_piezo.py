@@ -84,7 +84,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     off = served.session.last_applied_tick
     wait_for(lambda: served.session.bench.tick > off + 5000)
     page.keyboard.press("2")
-    until(page, "window.anhyst.loop.drawn?.ticks.length > 1000")
+    until(page, "window.anhyst.views.get('loop')?.drawn?.ticks.length > 1000")
     shown = page.locator("#loop").inner_text()
     assert "position − demand: rms" in shown
     assert " nm" in shown

@@ -16,7 +16,7 @@ const LIMITS = [
 const STEPS = ["measure", "identify", "compile", "swap"];
 
 export class Improve {
-  #results = {};
+  #results;
   #shown = ""; // key of the drawn content and its size
 
   constructor(place, bench, order) {
@@ -53,6 +53,7 @@ export class Improve {
       make("div", { className: "pair" }, left, right),
       this.watch.element,
     );
+    this.show(bench.results);
   }
 
   #button(step) {

@@ -4,7 +4,6 @@ import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { field, make, refuse, select } from "./dom.js";
 
-const MAX_DRAWN_CYCLES = 500; // maximum number of drawn cycles
 // Name, unit and factor from SI of each kind of parameter, for every magnet.
 const KINDS = {
   scale: ["scales", "%", 100],
@@ -56,11 +55,12 @@ export class Learning {
       this.figures,
       make("div", { className: "pair" }, left, right),
     );
+    this.learnt(bench.laps);
   }
 
-  // Adds new cycles.
+  // Shows the cycles.
   learnt(laps) {
-    this.#laps = [...this.#laps, ...laps].slice(-MAX_DRAWN_CYCLES);
+    this.#laps = laps;
     this.#again();
     this.#gain();
   }

@@ -3,7 +3,6 @@
 import { ink } from "./colours.js";
 import { Cursors } from "./cursors.js";
 import { field, make, select } from "./dom.js";
-import { Overlay } from "./overlay.js";
 import { columnOf } from "./signals.js";
 import { TimePlot } from "./timeplot.js";
 import { Trigger } from "./trigger.js";
@@ -194,6 +193,7 @@ export class Scope {
   // Overlays a recording on all time plots.
   async overlay(file) {
     try {
+      const { Overlay } = await import("./overlay.js");
       const overlay = await Overlay.read(file, this.bench);
       this.overlays = [...this.overlays, overlay];
       this.#align();
