@@ -43,11 +43,11 @@ def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serv
     pose = np.ravel(seen(page, "page.views.get('body').pose()"))
     assert -magnet_rows(planar().settings) @ pose == pytest.approx(np.array(gaps) - 0.45e-3, abs=1e-10)
     # the title states the exaggeration, which is automatic or set by the user
-    until(page, "document.querySelector('#body canvas').title.startsWith('position in the gaps × ')")
+    until(page, "document.querySelector('#body canvas')?.title?.startsWith('position in the gaps × ')")
     factor = seen(page, "page.views.get('body').factor")
     assert 0.03 < factor * np.abs(pose).max() / 0.3 < 0.2
     page.select_option("#exaggerated", "1000")
-    until(page, "document.querySelector('#body canvas').title.includes('× 1\u202f000')")
+    until(page, "document.querySelector('#body canvas')?.title?.includes('× 1\u202f000')")
     # the table shows the values of the row
     cell = page.locator("#body [data-signal=pull_7] span").first
     assert float(cell.inner_text().split()[0]) == pytest.approx(last(page, "pull_7"), rel=1e-3)
@@ -103,7 +103,7 @@ def test_another_layout_is_drawn_from_its_file_and_pushed_along_a_coordinate(
     page = show(served)
     ready(page)
     page.keyboard.press("0")
-    until(page, "document.querySelector('#body canvas').title.includes('error')")
+    until(page, "document.querySelector('#body canvas')?.title?.includes('error')")
     assert page.locator("#axes tbody tr").count() == 2
     assert page.locator("#magnets tbody tr").count() == 3
     assert "nan" not in page.locator("#body").inner_text().lower()

@@ -9,10 +9,9 @@ import { Panel } from "./panel.js";
 import { kinds } from "./panels.js";
 import { Parameters } from "./parameters.js";
 import { Scope } from "./scope.js";
-import { Sets } from "./sets.js";
 import { SignalList } from "./signallist.js";
 import { columnOf, label } from "./signals.js";
-import { StepView } from "./steps.js";
+import { StepFinder } from "./stepfinder.js";
 import { Store } from "./store.js";
 import { inWords } from "./verbs.js";
 import { VIEWS } from "./views.js";
@@ -76,12 +75,12 @@ function open(bench) {
   parameters.take(bench.parameters, 0);
   const scope = new Scope({ view: at("scope"), bar: at("timebar"), figures: at("figures") }, bench, store, notify);
   const panel = new Panel(at("panel"), bench, order, parameters);
-  const sets = new Sets(at("parameters"), parameters, order);
-  const steps = new StepView(at("steps"), bench, (tick) => parameters.label(tick));
-  page = { bench, store, parameters, scope, sets, steps, panel };
+  const aims = [bench.aim.reference, bench.aim.signal].map((name) => columnOf(bench, name));
+  const finder = new StepFinder(bench, ...aims, (tick) => parameters.label(tick));
+  page = { bench, store, parameters, scope, finder, panel };
   page.layouts = new Map([[bench.signals.length, bench.signals.map((one) => one.name)]]);
-  page.views = new Map([["scope", scope], ["steps", steps]]); // the views that were opened, by name
-  page.context = { bench, store, scope, parameters, order, notify };
+  page.views = new Map([["scope", scope]]); // the views that were opened, by name
+  page.context = { bench, store, scope, finder, parameters, order, notify };
   tabs();
   page.list = new SignalList(at("signals"), bench, store, order, () => shownDesk()?.plot() ?? scope.plot);
   page.desks = new Desks(at("desks"), at("desktabs"), page.context, (n) => choose(n === null ? view : `desk ${n}`));
@@ -149,7 +148,7 @@ function feed(frame) {
   }
   page.store.push(frame);
   page.scope.feed(frame);
-  page.steps.feed(frame);
+  page.finder.feed(frame);
 }
 
 function status(now) {
@@ -173,7 +172,6 @@ function status(now) {
     Recorded: recorded(now.recording),
   });
   page.parameters.status(now);
-  page.sets.status(now);
   for (const shown of page.views.values()) shown?.status?.(now);
   shownDesk()?.status(now);
   role(now);

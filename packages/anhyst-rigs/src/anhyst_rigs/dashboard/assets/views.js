@@ -19,8 +19,16 @@ export const VIEWS = [
     offered: hasCommands,
     make: async (place, { bench, store }) => new (await import("./loop.js")).LoopView(place, bench, store),
   },
-  { name: "steps", key: "3" },
-  { name: "parameters", key: "4" },
+  {
+    name: "steps",
+    key: "3",
+    make: async (place, { bench, finder }) => new (await import("./steps.js")).StepView(place, bench, finder),
+  },
+  {
+    name: "parameters",
+    key: "4",
+    make: async (place, { parameters, order }) => new (await import("./sets.js")).Sets(place, parameters, order),
+  },
   { name: "log", key: "5" },
   {
     name: "improve",
