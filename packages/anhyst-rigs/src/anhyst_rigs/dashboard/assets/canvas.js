@@ -21,8 +21,8 @@ export class Plane {
     const width = canvas.parentElement.clientWidth;
     const height = canvas.parentElement.clientHeight;
     const ratio = devicePixelRatio;
-    canvas.width = width * ratio;
-    canvas.height = height * ratio;
+    if (canvas.width !== Math.floor(width * ratio)) canvas.width = width * ratio;
+    if (canvas.height !== Math.floor(height * ratio)) canvas.height = height * ratio;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     const inner = {

@@ -155,22 +155,30 @@ export function table(context, settings, save) {
   const body = make("tbody");
   const heads = ["Signal", "Now", "Mean", "Rms about mean", "Peak to peak"];
   const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text, scope: "col" })));
+  const add = signalChoice(bench, "", "add a signal to the table", (name) => keep([...new Set([...names, name])]));
+  const row = (name) => {
+    const signal = bench.signals[columnOf(bench, name)];
+    const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });
+    remove.ariaLabel = `remove ${signal.label}`;
+    const cells = heads.slice(1).map(() => make("td"));
+    return make("tr", {}, make("th", { textContent: signal.label, title: hint(signal), scope: "row" }), ...cells, make("td", {}, remove));
+  };
+  let listed = null; // signals of the bench for which the rows were made
   const keep = (wanted) => {
     names = wanted;
+    listed = null;
     save({ signals: names });
   };
   const draw = paced(() => {
-    const rows = names.map((name) => {
-      const signal = bench.signals[columnOf(bench, name)];
-      if (!signal) return make("tr");
-      const { now, mean, rms, low, high } = statistics(context, signal.column);
-      const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });
-      remove.setAttribute("aria-label", `remove ${signal.label}`);
-      const cells = [now, mean, rms, high - low].map((value) => make("td", { textContent: show(value, signal.unit, 4) }));
-      return make("tr", {}, make("th", { textContent: signal.label, title: hint(signal), scope: "row" }), ...cells, make("td", {}, remove));
-    });
-    body.replaceChildren(...rows);
+    const signals = names.map((name) => bench.signals[columnOf(bench, name)]).filter(Boolean);
+    if (listed !== bench.signals) body.replaceChildren(...signals.map(({ name }) => row(name)));
+    listed = bench.signals;
+    for (const [n, { column, unit }] of signals.entries()) {
+      const { now, mean, rms, low, high } = statistics(context, column);
+      const values = [now, mean, rms, high - low];
+      for (const [m, value] of values.entries()) body.rows[n].cells[m + 1].textContent = show(value, unit, 4);
+    }
   }, 250);
   const element = make("div", { className: "scroll" }, make("table", {}, make("thead", {}, head), body));
-  return { element, draw, drop: (name) => keep([...new Set([...names, name])]) };
+  return { element, tools: [add], draw, drop: (name) => keep([...new Set([...names, name])]) };
 }

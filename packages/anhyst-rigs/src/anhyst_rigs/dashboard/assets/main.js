@@ -188,10 +188,11 @@ function recorded(file) {
 }
 
 function facts(values) {
-  const items = Object.entries(values).map(([name, text]) =>
-    make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: text })),
-  );
-  at("facts").replaceChildren(...items);
+  const place = at("facts");
+  const names = Object.keys(values);
+  if (place.childElementCount !== names.length)
+    place.replaceChildren(...names.map((name) => make("div", {}, make("dt", { textContent: name }), make("dd"))));
+  for (const [n, name] of names.entries()) place.children[n].lastChild.textContent = values[name];
 }
 
 // Shows which browser operates the bench, and which one requests control.

@@ -56,7 +56,10 @@ export class Scope {
     const to = this.#end();
     const from = to - this.window * this.bench.rate;
     this.view = { from, to, zero: this.#zero(to) };
-    for (const plot of plots) plot.draw();
+    const { cursors, store } = this;
+    const parts = [...Object.values(this.view), this.zeroName, store.newest, cursors.ticks, this.overlays.map((one) => one.shift)];
+    const state = parts.join(" ");
+    for (const plot of plots) plot.draw(state);
     if (performance.now() >= this.#readAt) {
       this.#readAt = performance.now() + READ_MS;
       this.#read();

@@ -6,6 +6,7 @@ import { Strip } from "./strip.js";
 
 export class TimePlot {
   #size = { width: 0, height: 0 };
+  #drawn = ""; // state and size of the last picture
 
   // `changed` receives the names of the signals after each change.
   constructor(scope, names, changed) {
@@ -63,6 +64,7 @@ export class TimePlot {
 
   build() {
     this.stripsPlace.replaceChildren();
+    this.#drawn = "";
     const { signals } = this;
     const units = [...new Set(signals.map((signal) => signal.unit))];
     this.hint.hidden = units.length > 0;
@@ -72,9 +74,12 @@ export class TimePlot {
     });
   }
 
-  draw() {
+  // Draws the strips if something has changed; `state` names everything that all plots share.
+  draw(state) {
     const { width, height } = this.#size;
-    if (!width) return;
+    const drawn = `${state} ${width} ${height}`;
+    if (!width || drawn === this.#drawn) return;
+    this.#drawn = drawn;
     const heights = Strip.heights(this.strips.length, height);
     for (const [n, strip] of this.strips.entries()) {
       strip.resize(width, heights[n]);
