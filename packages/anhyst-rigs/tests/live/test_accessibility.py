@@ -128,3 +128,58 @@ def test_an_unnamed_control_and_pale_text_are_found(bearing: Served, show: Show)
     found = faults(page)
     assert any("button-name" in fault for fault in found)
     assert any("color-contrast" in fault for fault in found)
+
+
+CONTROLS = """() => [...document.querySelectorAll("button, input, select, summary, [tabindex='0']")]
+  .filter((one) => one.checkVisibility() && !one.disabled && one.tabIndex >= 0)
+  .map((one) => { one.dataset.control ??= String(Math.random()); return one.dataset.control; })"""
+
+FOCUSED = "document.activeElement?.dataset.control ?? ''"
+
+
+@pytest.mark.slow
+def test_the_tab_key_reaches_every_control_in_the_order_of_the_page(bearing: Served, show: Show) -> None:
+    page = show(bearing)
+    until(page, "window.anhyst?.store.count > 100")
+    for name in tabs(page):
+        open_tab(page, name)
+        page.evaluate("document.activeElement.blur(), getSelection().removeAllRanges(), scrollTo(0, 0)")
+        controls = page.evaluate(CONTROLS)
+        reached: list[str] = []
+        for _ in range(3 * len(controls)):
+            page.keyboard.press("Tab")
+            focused = page.evaluate(FOCUSED)
+            if focused and focused not in reached:
+                reached.append(focused)
+            if len(reached) == len(controls):
+                break
+        assert set(controls) <= set(reached), f"{name}: not reached: " + str(
+            page.evaluate(
+                "(ids) => ids.map((id) => document.querySelector(`[data-control='${id}']`)?.outerHTML.slice(0, 120))",
+                sorted(set(controls) - set(reached)),
+            )
+        )
+
+
+@pytest.mark.slow
+def test_a_panel_is_filled_and_cursors_are_moved_by_keys(bearing: Served, show: Show) -> None:
+    page = show(bearing)
+    until(page, "window.anhyst?.store.count > 100")
+    page.locator("[data-view='desk 0']").focus()
+    page.keyboard.press("Enter")
+    page.get_by_label("add a signal to the table").select_option("voltage")
+    until(page, "[...document.querySelectorAll('.panel tbody th')].some((one) => one.textContent === 'Voltage')")
+    remove = page.get_by_role("button", name="remove Voltage")
+    remove.focus()
+    page.wait_for_timeout(600)  # new values do not move the focus
+    page.keyboard.press("Enter")
+    until(page, "![...document.querySelectorAll('.panel tbody th')].some((one) => one.textContent === 'Voltage')")
+    page.keyboard.press("1")
+    page.locator("#scope .strips").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    assert len(seen(page, "page.scope.cursors.ticks")) == 2
+    first, last = seen(page, "page.scope.cursors.ticks")
+    page.keyboard.press("ArrowLeft")
+    moved = seen(page, "page.scope.cursors.ticks")
+    assert moved != [first, last]
