@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 import pytest
 
-from anhyst_rigs.dashboard.starting import serve_start_page
-from anhyst_rigs.dashboard.verb import listen_on
-from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.foreign import open_foreign
 from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.study.improve import make_drawn_loops
@@ -20,14 +15,13 @@ from anhyst_rigs.study.prepared_benches import PreparedForce
 from tests.link.foreign import slaves
 from tests.live.conftest import Serve, Served, Show
 from tests.live.test_body import setups
-from tests.live.test_page import lift, press, seen, state_is, until
+from tests.live.test_page import seen, until
 from tests.live.test_stage import prepared as prepared_stage
-from tests.rig import forces
 from tests.study import bearings, piezos
 from tests.study.test_axes import planar
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 pytestmark = pytest.mark.needs("chromium")
 
@@ -83,7 +77,9 @@ def faults(page: Page) -> list[str]:
 
 
 def tabs(page: Page) -> list[str]:
-    names: list[str] = page.evaluate("[...document.querySelectorAll('[role=tab]')].map((one) => one.dataset.view)")
+    names: list[str] = page.evaluate(
+        "[...document.querySelectorAll('[role=tab]')].map((one) => one.dataset.view)"
+    )
     return names
 
 
@@ -123,7 +119,9 @@ def test_every_view_of_a_rig_is_accessible(
 def test_an_unnamed_control_and_pale_text_are_found(bearing: Served, show: Show) -> None:
     page = show(bearing)
     until(page, "window.anhyst?.store.count > 100")
-    page.evaluate("document.getElementById('png').replaceChildren(), document.getElementById('png').removeAttribute('title')")
+    page.evaluate(
+        "document.getElementById('png').replaceChildren(), document.getElementById('png').removeAttribute('title')"
+    )
     page.evaluate("document.getElementById('title').style.color = '#bbb'")
     found = faults(page)
     assert any("button-name" in fault for fault in found)
@@ -168,12 +166,17 @@ def test_a_panel_is_filled_and_cursors_are_moved_by_keys(bearing: Served, show: 
     page.locator("[data-view='desk 0']").focus()
     page.keyboard.press("Enter")
     page.get_by_label("add a signal to the table").select_option("voltage")
-    until(page, "[...document.querySelectorAll('.panel tbody th')].some((one) => one.textContent === 'Voltage')")
+    until(
+        page, "[...document.querySelectorAll('.panel tbody th')].some((one) => one.textContent === 'Voltage')"
+    )
     remove = page.get_by_role("button", name="remove Voltage")
     remove.focus()
     page.wait_for_timeout(600)  # new values do not move the focus
     page.keyboard.press("Enter")
-    until(page, "![...document.querySelectorAll('.panel tbody th')].some((one) => one.textContent === 'Voltage')")
+    until(
+        page,
+        "![...document.querySelectorAll('.panel tbody th')].some((one) => one.textContent === 'Voltage')",
+    )
     page.keyboard.press("1")
     page.locator("#scope .strips").focus()
     page.keyboard.press("Enter")

@@ -37,7 +37,9 @@ def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serv
     until(page, "document.getElementById('pause').textContent === 'Continue'")
     page.wait_for_timeout(300)
     errors = [last(page, f"error_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]
-    assert np.ravel(seen(page, "page.views.get('body').pose()")) == pytest.approx([-error for error in errors])
+    assert np.ravel(seen(page, "page.views.get('body').pose()")) == pytest.approx(
+        [-error for error in errors]
+    )
     page.select_option("#pose", "gap")
     gaps = [last(page, name) for name in ("gap", *(f"gap_{number}" for number in range(2, 11)))]
     pose = np.ravel(seen(page, "page.views.get('body').pose()"))

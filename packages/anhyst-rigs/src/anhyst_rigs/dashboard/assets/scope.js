@@ -177,6 +177,14 @@ export class Scope {
     this.cursors.put(time);
   }
 
+  // Sets a cursor with Enter, and moves it with the arrow keys by 1 % of the window, with Shift by one tick.
+  key(event) {
+    const { rate, every } = this.bench;
+    const way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (event.key === "Enter") this.put((this.view.from + this.view.to) / (2 * rate));
+    else if (way) this.cursors.move(way * (event.shiftKey ? every : Math.max(every, Math.round(0.01 * this.window * rate))));
+  }
+
   // Returns the signals of the open plots.
   #shown() {
     const names = new Set([...this.plots].flatMap((plot) => [...plot.names]));

@@ -13,13 +13,14 @@ export class TimePlot {
     this.scope = scope;
     this.changed = changed;
     this.names = new Set(names);
-    this.stripsPlace = make("div", { className: "strips" });
+    this.stripsPlace = make("div", { className: "strips", tabIndex: 0, role: "group", ariaLabel: "signals over time" });
+    this.stripsPlace.onkeydown = (event) => event.target === this.stripsPlace && scope.key(event);
     this.hint = make("p", {
       className: "empty",
       textContent: "No signals yet. Drag a signal from the list into this plot, or tick it in the list.",
     });
     this.element = make("div", { className: "timeplot" }, this.hint, this.stripsPlace);
-    this.stripsPlace.title = "Click: cursors A and B. Drag or wheel: zoom. Double click: back.";
+    this.stripsPlace.title = "Click, or Enter and the arrow keys: cursors A and B. Drag or wheel: zoom. Double click: back.";
     new ResizeObserver(([{ contentRect }]) => {
       this.#size = { width: Math.floor(contentRect.width), height: Math.floor(contentRect.height) };
     }).observe(this.stripsPlace);
