@@ -43,12 +43,9 @@ def _force(request: pytest.FixtureRequest, serve: Serve, _stack: ExitStack) -> S
 
 
 def _foreign(request: pytest.FixtureRequest, serve: Serve, stack: ExitStack) -> Served:
-    folder = request.getfixturevalue("tmp_path_factory")
-    program = slaves.build(folder)
+    program = slaves.build(request.getfixturevalue("tmp_path_factory"))
     slave = stack.enter_context(slaves.running(program))
-    path = folder.mktemp("a2l") / "slave.a2l"
-    path.write_text(slaves.a2l_text(slave.addresses), encoding="utf-8")
-    return serve(open_foreign(path, slave.url))
+    return serve(open_foreign(program, slave.url))
 
 
 RIGS: dict[str, Rig] = {
