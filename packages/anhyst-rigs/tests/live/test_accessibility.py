@@ -129,31 +129,27 @@ CONTROLS = """() => [...document.querySelectorAll("button, input, select, summar
   .filter((one) => one.checkVisibility() && !one.disabled && one.tabIndex >= 0)
   .map((one) => { one.dataset.control ??= String(Math.random()); return one.dataset.control; })"""
 
-FOCUSED = "document.activeElement?.dataset.control ?? ''"
+LISTEN = """() => {
+  window.reached = new Set();
+  document.addEventListener("focusin", ({ target }) => window.reached.add(target.dataset.control));
+}"""
+
+MISSED = """(ids) => ids.filter((id) => !window.reached.has(id))
+  .map((id) => document.querySelector(`[data-control="${id}"]`)?.outerHTML.slice(0, 120))"""
 
 
 @pytest.mark.slow
-def test_the_tab_key_reaches_every_control_in_the_order_of_the_page(bearing: Served, show: Show) -> None:
+@pytest.mark.parametrize("name", ["scope", "parameters", "desk 0"])
+def test_the_tab_key_reaches_every_control(bearing: Served, show: Show, name: str) -> None:
     page = show(bearing)
     until(page, "window.anhyst?.store.count > 100")
-    for name in tabs(page):
-        open_tab(page, name)
-        page.evaluate("document.activeElement.blur(), getSelection().removeAllRanges(), scrollTo(0, 0)")
-        controls = page.evaluate(CONTROLS)
-        reached: list[str] = []
-        for _ in range(3 * len(controls)):
-            page.keyboard.press("Tab")
-            focused = page.evaluate(FOCUSED)
-            if focused and focused not in reached:
-                reached.append(focused)
-            if len(reached) == len(controls):
-                break
-        assert set(controls) <= set(reached), f"{name}: not reached: " + str(
-            page.evaluate(
-                "(ids) => ids.map((id) => document.querySelector(`[data-control='${id}']`)?.outerHTML.slice(0, 120))",
-                sorted(set(controls) - set(reached)),
-            )
-        )
+    open_tab(page, name)
+    controls = page.evaluate(CONTROLS)
+    page.evaluate(LISTEN)
+    for _ in range(len(controls) + 20):
+        page.keyboard.press("Tab")
+    assert len(controls) > 40
+    assert page.evaluate(MISSED, controls) == []
 
 
 @pytest.mark.slow
