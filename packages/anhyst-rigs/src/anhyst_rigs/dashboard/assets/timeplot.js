@@ -14,7 +14,9 @@ export class TimePlot {
     this.changed = changed;
     this.names = new Set(names);
     this.stripsPlace = make("div", { className: "strips", tabIndex: 0, role: "group", ariaLabel: "signals over time" });
-    this.stripsPlace.onkeydown = (event) => event.target === this.stripsPlace && scope.key(event);
+    this.stripsPlace.onkeydown = (event) => {
+      if (event.target === this.stripsPlace) scope.key(event);
+    };
     this.hint = make("p", {
       className: "empty",
       textContent: "No signals yet. Drag a signal from the list into this plot, or tick it in the list.",
