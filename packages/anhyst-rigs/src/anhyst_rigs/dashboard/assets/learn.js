@@ -44,7 +44,7 @@ export class Learning {
     this.kind.onchange = () => this.#again();
     this.group = field("Shown", this.kind);
     this.group.hidden = true;
-    this.figures = make("div", { className: "scroll figures" });
+    this.figures = make("div", { className: "scroll figures", tabIndex: 0, role: "region", ariaLabel: "figures" });
     const left = make("figure");
     const right = make("figure");
     this.values = new Plane(left, "t / s", "estimate / stated standard deviation");

@@ -24,7 +24,7 @@ export class StepView {
     const table = make("table", {}, make("thead", {}, head), this.rows);
     place.replaceChildren(
       make("div", { className: "bar" }, clear, this.hint),
-      make("div", { className: "stack" }, figure, make("div", { className: "scroll" }, table)),
+      make("div", { className: "stack" }, figure, make("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "figures of the steps" }, table)),
     );
     this.plane = new Plane(figure, "Time from the step / ms", "Step / %");
   }
