@@ -37,35 +37,37 @@ def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serv
     until(page, "document.getElementById('pause').textContent === 'Continue'")
     page.wait_for_timeout(300)
     errors = [last(page, f"error_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]
-    assert np.ravel(seen(page, "page.body.pose()")) == pytest.approx([-error for error in errors])
+    assert np.ravel(seen(page, "page.views.get('body').pose()")) == pytest.approx(
+        [-error for error in errors]
+    )
     page.select_option("#pose", "gap")
     gaps = [last(page, name) for name in ("gap", *(f"gap_{number}" for number in range(2, 11)))]
-    pose = np.ravel(seen(page, "page.body.pose()"))
+    pose = np.ravel(seen(page, "page.views.get('body').pose()"))
     assert -magnet_rows(planar().settings) @ pose == pytest.approx(np.array(gaps) - 0.45e-3, abs=1e-10)
     # the title states the exaggeration, which is automatic or set by the user
-    until(page, "document.querySelector('#body canvas').title.startsWith('position in the gaps × ')")
-    factor = seen(page, "page.body.factor")
+    until(page, "document.querySelector('#body canvas')?.title?.startsWith('position in the gaps × ')")
+    factor = seen(page, "page.views.get('body').factor")
     assert 0.03 < factor * np.abs(pose).max() / 0.3 < 0.2
     page.select_option("#exaggerated", "1000")
-    until(page, "document.querySelector('#body canvas').title.includes('× 1\u202f000')")
+    until(page, "document.querySelector('#body canvas')?.title?.includes('× 1\u202f000')")
     # the table shows the values of the row
     cell = page.locator("#body [data-signal=pull_7] span").first
     assert float(cell.inner_text().split()[0]) == pytest.approx(last(page, "pull_7"), rel=1e-3)
     canvas = page.locator("#body canvas")
-    before = seen(page, "({ ...page.body.space.view })")
+    before = seen(page, "({ ...page.views.get('body').space.view })")
     canvas.focus()
     page.keyboard.press("ArrowLeft")
     page.keyboard.press("ArrowUp")
-    keyed = seen(page, "({ ...page.body.space.view })")
+    keyed = seen(page, "({ ...page.views.get('body').space.view })")
     assert keyed["round"] > before["round"]
     assert keyed["up"] > before["up"]
     canvas.hover()
     page.mouse.down()
     page.mouse.move(500, 300, steps=3)
     page.mouse.up()
-    assert seen(page, "page.body.space.view.round") != keyed["round"]
+    assert seen(page, "page.views.get('body').space.view.round") != keyed["round"]
     page.keyboard.press("Home")
-    assert seen(page, "({ ...page.body.space.view })") == before
+    assert seen(page, "({ ...page.views.get('body').space.view })") == before
     with page.expect_download() as saved:
         page.locator("#csv").click()
     heads = saved.value.path().read_text().splitlines()[0].split(",")
@@ -86,7 +88,7 @@ def test_buttons_land_and_lift_a_body_and_cycles_pause_meanwhile(serve: Serve, s
     page.keyboard.press("0")
     page.select_option("#pose", "gap")
     page.wait_for_timeout(300)
-    assert np.ravel(seen(page, "page.body.pose()"))[2] < -0.09e-3
+    assert np.ravel(seen(page, "page.views.get('body').pose()"))[2] < -0.09e-3
     press(page, "lift")
     state_is(page, "ready")
     assert last(page, "lap") == 0.0
@@ -103,11 +105,11 @@ def test_another_layout_is_drawn_from_its_file_and_pushed_along_a_coordinate(
     page = show(served)
     ready(page)
     page.keyboard.press("0")
-    until(page, "document.querySelector('#body canvas').title.includes('error')")
+    until(page, "document.querySelector('#body canvas')?.title?.includes('error')")
     assert page.locator("#axes tbody tr").count() == 2
     assert page.locator("#magnets tbody tr").count() == 3
     assert "nan" not in page.locator("#body").inner_text().lower()
-    way, turn = seen(page, "page.body.pose()")
+    way, turn = seen(page, "page.views.get('body').pose()")
     assert np.any(way[:2])
     assert [way[2], *turn] == [0.0] * 4
     # a push along a coordinate acts on that coordinate
@@ -120,4 +122,4 @@ def test_another_layout_is_drawn_from_its_file_and_pushed_along_a_coordinate(
             {parameter.name: parameter.value for parameter in served.session.parameters}["push_y"] == largest
         )
     )
-    until(page, "window.anhyst.body.figures.axes[1][1][2].peak > 1e-7")
+    until(page, "window.anhyst.views.get('body').figures.axes[1][1][2].peak > 1e-7")

@@ -71,7 +71,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     state_is(page, "ready")
     tabs = [tab.text_content() for tab in page.locator("#tabs button").all() if tab.is_visible()]
     assert [str(tab).split()[1] for tab in tabs] == [
-        "Scope", "Loop", "Steps", "Parameters", "Log", "Levitation", "Spectrum",
+        "Scope", "Loop", "Steps", "Parameters", "Log", "Levitation", "Spectrum", "response",
     ]  # fmt: skip
     assert "Run" in page.locator("#next").inner_text()
     assert seen(page, "[...page.scope.plot.names]") == ["error", "force", "voltage"]
@@ -84,7 +84,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     off = served.session.last_applied_tick
     wait_for(lambda: served.session.bench.tick > off + 5000)
     page.keyboard.press("2")
-    until(page, "window.anhyst.loop.drawn?.ticks.length > 1000")
+    until(page, "window.anhyst.views.get('loop')?.drawn?.ticks.length > 1000")
     shown = page.locator("#loop").inner_text()
     assert "position − demand: rms" in shown
     assert " nm" in shown

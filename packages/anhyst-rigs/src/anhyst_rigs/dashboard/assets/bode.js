@@ -3,7 +3,6 @@
 import { Plane, limits } from "./canvas.js";
 import { COLOURS, ink } from "./colours.js";
 import { download, field, make, refuse, select } from "./dom.js";
-import { register } from "./panels.js";
 import { Quantity } from "./quantity.js";
 
 const CURVES = { closed_loop: ["Closed loop", COLOURS[0]], sensitivity: ["Sensitivity", COLOURS[1]], plant: ["Plant", COLOURS[2]] };
@@ -13,15 +12,7 @@ const MIN_MOTION_PART = 1e-3; // smallest motion, relative to the largest
 const WITHOUT_PORT = "This rig cannot add a signal to its position reading, so its frequency response cannot be measured.";
 const EMPTY = "No frequency response yet. Lift the body, wait until it rests, and press Measure: a signal of 18 s measures 200 points from 1 Hz to 5 kHz.";
 
-register({
-  kind: "bode",
-  title: "Bode",
-  size: [8, 9],
-  fixed: true,
-  make: (context, settings, save) => new BodePanel(context, settings, save),
-});
-
-class BodePanel {
+export class BodePanel {
   #key = ""; // what the planes show
   #cursor = null; // logarithm of the frequency of the cursor
   #results = []; // the last two results, newest first

@@ -29,7 +29,7 @@ export class Figures {
     ]);
     this.place = make(
       "div",
-      { className: "scroll" },
+      { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "forces and errors" },
       table("axes", ["", "demanded, now", "applied, now", `error, largest of ${ERROR_WINDOW_S} s`], this.axes),
       table("magnets", ["", "gap, from stop to stop", "force", "current"], this.magnets),
     );

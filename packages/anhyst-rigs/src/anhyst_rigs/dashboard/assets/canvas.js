@@ -10,6 +10,7 @@ export class Plane {
     this.log = log;
     this.canvas = document.createElement("canvas");
     place.append(this.canvas);
+    Object.assign(this.canvas, { role: "img", ariaLabel: "curves" });
     this.context = this.canvas.getContext("2d");
     this.labels = [xLabel, yLabel];
   }
@@ -18,11 +19,13 @@ export class Plane {
   begin([left, right, low, high]) {
     const { canvas, context } = this;
     this.limits = [left, right, low, high];
+    const name = `${this.labels[1]} over ${this.labels[0]}`;
+    if (canvas.ariaLabel !== name) canvas.ariaLabel = name;
     const width = canvas.parentElement.clientWidth;
     const height = canvas.parentElement.clientHeight;
     const ratio = devicePixelRatio;
-    canvas.width = width * ratio;
-    canvas.height = height * ratio;
+    if (canvas.width !== Math.floor(width * ratio)) canvas.width = width * ratio;
+    if (canvas.height !== Math.floor(height * ratio)) canvas.height = height * ratio;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     const inner = {

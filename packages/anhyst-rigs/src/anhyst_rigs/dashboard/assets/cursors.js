@@ -24,11 +24,25 @@ export class Cursors {
 
   // Sets cursor A, then B; each later call moves the nearer cursor. Cursors are on samples.
   put(time) {
-    const { store, ticks } = this;
-    if (!store.count) return;
-    const tick = store.tick(Math.min(store.find(time * this.rate), store.count - 1));
-    const others = ticks.length < 2 ? ticks : [further(ticks, tick)];
+    if (!this.store.count) return;
+    const tick = this.#sampleAt(time * this.rate);
+    this.#set(this.ticks.length < 2 ? this.ticks : [further(this.ticks, tick)], tick);
+  }
+
+  // Moves the cursor that was set last by some ticks.
+  move(ticks) {
+    const others = this.ticks.filter((tick) => tick !== this.last);
+    if (others.length < this.ticks.length) this.#set(others, this.#sampleAt(this.last + ticks));
+  }
+
+  #set(others, tick) {
+    this.last = tick;
     this.ticks = [...others, tick].sort((a, b) => a - b);
+  }
+
+  #sampleAt(tick) {
+    const { store } = this;
+    return store.tick(Math.min(store.find(tick), store.count - 1));
   }
 
   // Shows the statistics of signals; times are relative to the tick `zero`.

@@ -20,7 +20,9 @@ export class DerivedForm {
     this.unit = input("derived-unit", "unit, such as W", "unit of the derived signal");
     this.wrong = make("output", { className: "invalid" });
     const add = make("button", { id: "derived-add", textContent: "Add signal", onclick: () => this.#add() });
-    this.expression.onkeydown = (event) => event.key === "Enter" && this.#add();
+    this.expression.onkeydown = (event) => {
+      if (event.key === "Enter") this.#add();
+    };
     const help = make("p", { className: "soft", textContent: HELP });
     const summary = make("summary", { textContent: "Derived signal" });
     this.element = make("details", { id: "derived" }, summary, this.name, this.expression, this.unit, add, this.wrong, help);

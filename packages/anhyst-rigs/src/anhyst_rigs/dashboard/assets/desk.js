@@ -29,7 +29,7 @@ export class Desk {
   #bar() {
     const menu = make("select", {}, make("option", { value: "", textContent: "Add panel" }));
     menu.setAttribute("aria-label", "add a panel");
-    for (const { kind, title } of kinds()) menu.append(make("option", { value: kind, textContent: title }));
+    for (const { kind, title } of kinds(this.context.bench)) menu.append(make("option", { value: kind, textContent: title }));
     menu.onchange = () => {
       if (menu.value) this.add(menu.value);
       menu.value = "";
@@ -57,20 +57,18 @@ export class Desk {
   #open(entry) {
     const kind = kindOf(entry.kind);
     if (!kind) return;
-    const panel = kind.make(this.context, entry.settings ?? {}, (settings) => {
-      entry.settings = settings;
-      this.changed();
-    });
+    const shown = { entry, panel: {} }; // the panel follows when its code is loaded
     const title = make("h2", { textContent: kind.title, tabIndex: 0 });
     title.title = "Drag, or press the arrow keys: move. Shift and arrow keys: resize. Delete: remove.";
     const remove = make("button", { className: "small", textContent: "×", onclick: () => this.remove(entry) });
     remove.setAttribute("aria-label", `remove ${kind.title}`);
-    const tools = make("span", { className: "tools" }, ...(panel.tools ?? []));
+    const tools = make("span", { className: "tools" });
     const corner = make("div", { className: "corner", title: "Drag to resize" });
-    const body = make("div", { className: "body" }, panel.element);
-    const frame = make("section", { className: "panel" }, make("header", {}, title, tools, remove), body, corner);
+    const body = make("div", { className: "body" });
+    const frame = shown.frame = make("section", { className: "panel" }, make("header", {}, title, tools, remove), body, corner);
     frame.setAttribute("aria-label", kind.title);
-    frame.onpointerdown = () => (this.active = panel.plot ?? this.active);
+    for (const way of ["pointerdown", "focusin"])
+      frame.addEventListener(way, () => (this.active = shown.panel.plot ?? this.active));
     title.onkeydown = (event) => this.#key(event, entry, title);
     this.#drag(title, entry, (at, cells) => ({ ...at, x: at.x + cells[0], y: at.y + cells[1] }));
     this.#drag(corner, entry, (at, cells) => ({ ...at, w: at.w + cells[0], h: at.h + cells[1] }));
@@ -79,10 +77,23 @@ export class Desk {
       const name = event.dataTransfer.getData("text/plain");
       event.preventDefault();
       event.stopPropagation();
-      if (name) panel.drop?.(name);
+      if (name) shown.panel.drop?.(name);
     };
-    this.open.push({ entry, panel, frame });
+    this.open.push(shown);
     this.grid.append(frame);
+    this.#fill(shown, kind, tools, body);
+  }
+
+  // Makes the panel in its frame.
+  async #fill(shown, kind, tools, body) {
+    const { entry } = shown;
+    const save = (settings) => {
+      entry.settings = settings;
+      this.changed();
+    };
+    shown.panel = await kind.make(this.context, entry.settings ?? {}, save);
+    tools.append(...(shown.panel.tools ?? []));
+    body.append(shown.panel.element);
   }
 
   remove(entry) {

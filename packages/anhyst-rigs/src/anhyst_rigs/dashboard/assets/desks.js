@@ -1,6 +1,5 @@
 // The user's desks of a rig: their tabs, and how they are stored, exported and imported.
 
-import { Desk } from "./desk.js";
 import { download, make } from "./dom.js";
 import { columnOf } from "./signals.js";
 
@@ -16,15 +15,24 @@ export class Desks {
   }
 
   build() {
-    const { bench } = this.context;
+    this.desks = []; // opened desks by their index
+    this.place.replaceChildren();
+    this.#list();
+  }
+
+  // Makes a desk when it is opened for the first time.
+  async open(n) {
+    const layout = this.layouts[n];
+    const { Desk } = await import("./desk.js");
+    if (this.desks[n] || this.layouts[n] !== layout) return;
     const changed = () => {
-      bench.choices.set("desks", this.layouts);
+      this.context.bench.choices.set("desks", this.layouts);
       this.#list();
     };
-    this.desks = this.layouts.map((layout) => new Desk(this.context, layout, changed));
-    for (const desk of this.desks) desk.tools.append(...this.#tools());
-    this.place.replaceChildren(...this.desks.map((desk) => desk.element));
-    this.#list();
+    const desk = new Desk(this.context, layout, changed);
+    desk.tools.append(...this.#tools());
+    this.desks[n] = desk;
+    this.place.append(desk.element);
   }
 
   #list() {

@@ -21,8 +21,9 @@ export function select(names, chosen) {
 // Disables a control and shows the reason as its title; without a reason, enables it and restores the title.
 export function refuse(element, reason) {
   element.dataset.title ??= element.title;
+  const title = reason || element.dataset.title;
   element.disabled = Boolean(reason);
-  element.title = reason || element.dataset.title;
+  if (element.title !== title) element.title = title;
 }
 
 // Lets the browser download a file.

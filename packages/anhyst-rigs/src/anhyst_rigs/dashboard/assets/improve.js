@@ -16,7 +16,7 @@ const LIMITS = [
 const STEPS = ["measure", "identify", "compile", "swap"];
 
 export class Improve {
-  #results = {};
+  #results;
   #shown = ""; // key of the drawn content and its size
 
   constructor(place, bench, order) {
@@ -31,7 +31,7 @@ export class Improve {
     this.save = make("button", { textContent: "Save files", title: "Save the measured loops and the model", onclick: () => this.#files() });
     this.now = make("output", { className: "reading", id: "improving" });
     this.bar = make("progress", { max: 1, value: 0, hidden: true });
-    this.figures = make("div", { className: "scroll figures" });
+    this.figures = make("div", { className: "scroll figures", tabIndex: 0, role: "region", ariaLabel: "figures" });
     const left = make("figure");
     const right = make("figure");
     this.left = new Plane(left, "", "");
@@ -53,6 +53,7 @@ export class Improve {
       make("div", { className: "pair" }, left, right),
       this.watch.element,
     );
+    this.show(bench.results);
   }
 
   #button(step) {

@@ -2,7 +2,6 @@
 
 import { Plane, atLeast, limits } from "./canvas.js";
 import { make } from "./dom.js";
-import { register } from "./panels.js";
 import { columnOf, hint, leastSpan, reading } from "./signals.js";
 import { TimePlot } from "./timeplot.js";
 import { show, shown } from "./units.js";
@@ -49,117 +48,97 @@ function statistics({ store, scope, bench }, column) {
   return { now: origin, mean: origin + mean, rms, low: origin + low, high: origin + high };
 }
 
-register({
-  kind: "plot",
-  title: "Plot",
-  size: [6, 6],
-  make({ scope, bench }, settings, save) {
-    const plot = new TimePlot(scope, settings.signals ?? [bench.aim.signal], (signals) => save({ signals }));
-    return { element: plot.element, plot };
-  },
-});
+export function plot({ scope, bench }, settings, save) {
+  const plot = new TimePlot(scope, settings.signals ?? [bench.aim.signal], (signals) => save({ signals }));
+  return { element: plot.element, plot };
+}
 
-register({
-  kind: "loop",
-  title: "X-Y loop",
-  size: [4, 5],
-  make({ bench, store, scope }, settings, save) {
-    const has = (name) => columnOf(bench, name) >= 0;
-    const chosen = { x: has("current") ? "current" : bench.aim.reference, y: has("force") ? "force" : bench.aim.signal, ...settings };
-    const figure = make("figure");
-    const plane = new Plane(figure, "", "");
-    const choices = {};
-    const choose = (axis, name) => {
-      chosen[axis] = choices[axis].value = name;
-      save({ ...chosen });
-    };
-    for (const axis of ["x", "y"]) choices[axis] = signalChoice(bench, chosen[axis], `${axis} axis`, (name) => choose(axis, name));
-    const points = () => {
-      const first = store.find(scope.view.from);
-      const end = store.find(scope.view.to + 1);
-      const every = Math.max(1, Math.ceil((end - first) / MAX_POINTS));
-      const rows = Array.from({ length: Math.ceil((end - first) / every) }, (_, n) => first + n * every);
-      return ["x", "y"].map((axis) => {
-        const signal = bench.signals[columnOf(bench, chosen[axis])];
-        return { signal, values: rows.map((row) => store.value(signal.column, row)) };
-      });
-    };
-    const draw = paced(() => {
-      const [x, y] = points().map(({ signal, values }) => {
-        const { factor, name } = shown(signal.unit);
-        return { signal, name, values: values.map((value) => value * factor), least: leastSpan(bench, store, signal.unit) * factor };
-      });
-      plane.labels = [x, y].map(({ signal, name }) => [signal.label, name].filter(Boolean).join(" / "));
-      plane.begin([x, y].flatMap(({ values, least }) => atLeast(limits(values), least)));
-      plane.line(x.values, y.values, y.signal.colour, 1.5);
-      if (x.values.length) plane.dot(x.values.at(-1), y.values.at(-1), "#d55e00");
-    }, 50);
-    return {
-      element: figure,
-      tools: [choices.y, "over", choices.x],
-      draw,
-      drop: (name) => choose("y", name),
-      table: () => Object.fromEntries(points().map(({ signal, values }) => [signal.head, values])),
-    };
-  },
-});
-
-register({
-  kind: "number",
-  title: "Number",
-  size: [3, 2],
-  make(context, settings, save) {
-    const { bench } = context;
-    let name = settings.signal ?? bench.aim.signal;
-    const value = make("output", { className: "big" });
-    const range = make("output", { className: "reading" });
-    const choice = signalChoice(bench, name, "signal", (chosen) => choose(chosen));
-    const choose = (chosen) => {
-      name = choice.value = chosen;
-      save({ signal: name });
-    };
-    const draw = paced(() => {
-      const signal = bench.signals[columnOf(bench, name)];
-      const { now, mean, rms } = statistics(context, signal.column);
-      value.textContent = reading(signal, now);
-      value.title = hint(signal);
-      range.textContent = signal.values ? "" : `mean ${show(mean, signal.unit, 6)}, rms about it ${show(rms, signal.unit, 3)}`;
+export function loop({ bench, store, scope }, settings, save) {
+  const has = (name) => columnOf(bench, name) >= 0;
+  const chosen = { x: has("current") ? "current" : bench.aim.reference, y: has("force") ? "force" : bench.aim.signal, ...settings };
+  const figure = make("figure");
+  const plane = new Plane(figure, "", "");
+  const choices = {};
+  const choose = (axis, name) => {
+    chosen[axis] = choices[axis].value = name;
+    save({ ...chosen });
+  };
+  for (const axis of ["x", "y"]) choices[axis] = signalChoice(bench, chosen[axis], `${axis} axis`, (name) => choose(axis, name));
+  const points = () => {
+    const first = store.find(scope.view.from);
+    const end = store.find(scope.view.to + 1);
+    const every = Math.max(1, Math.ceil((end - first) / MAX_POINTS));
+    const rows = Array.from({ length: Math.ceil((end - first) / every) }, (_, n) => first + n * every);
+    return ["x", "y"].map((axis) => {
+      const signal = bench.signals[columnOf(bench, chosen[axis])];
+      return { signal, values: rows.map((row) => store.value(signal.column, row)) };
     });
-    return { element: make("div", { className: "number-panel" }, value, range), tools: [choice], draw, drop: choose };
-  },
-});
-
-register({
-  kind: "gauge",
-  title: "Gauge",
-  size: [3, 2],
-  make(context, settings, save) {
-    const { bench, store } = context;
-    let name = settings.signal ?? (columnOf(bench, "current") < 0 ? bench.aim.signal : "current");
-    let most = 0; // largest absolute value that was shown
-    const bar = make("i");
-    const value = make("output", { className: "big" });
-    const ends = make("div", { className: "ends" }, make("span"), make("span"));
-    const choice = signalChoice(bench, name, "signal", (chosen) => choose(chosen));
-    const choose = (chosen) => {
-      name = choice.value = chosen;
-      most = 0;
-      save({ signal: name });
-    };
-    const draw = paced(() => {
-      const signal = bench.signals[columnOf(bench, name)];
-      const now = store.value(signal.column, store.count - 1);
-      most = Math.max(most, store.largest(signal.column, Math.max(0, store.count - bench.rate)));
-      const [low, high] = gaugeRange(bench, signal, most);
-      const share = Math.min(1, Math.max(0, (now - low) / (high - low)));
-      bar.style.width = `${100 * share}%`;
-      bar.style.background = signal.colour;
-      value.textContent = reading(signal, now, 4);
-      for (const [n, end] of [low, high].entries()) ends.children[n].textContent = show(end, signal.unit, 3);
+  };
+  const draw = paced(() => {
+    const [x, y] = points().map(({ signal, values }) => {
+      const { factor, name } = shown(signal.unit);
+      return { signal, name, values: values.map((value) => value * factor), least: leastSpan(bench, store, signal.unit) * factor };
     });
-    return { element: make("div", { className: "gauge-panel" }, value, make("div", { className: "track" }, bar), ends), tools: [choice], draw, drop: choose };
-  },
-});
+    plane.labels = [x, y].map(({ signal, name }) => [signal.label, name].filter(Boolean).join(" / "));
+    plane.begin([x, y].flatMap(({ values, least }) => atLeast(limits(values), least)));
+    plane.line(x.values, y.values, y.signal.colour, 1.5);
+    if (x.values.length) plane.dot(x.values.at(-1), y.values.at(-1), "#d55e00");
+  }, 50);
+  return {
+    element: figure,
+    tools: [choices.y, "over", choices.x],
+    draw,
+    drop: (name) => choose("y", name),
+    table: () => Object.fromEntries(points().map(({ signal, values }) => [signal.head, values])),
+  };
+}
+
+export function number(context, settings, save) {
+  const { bench } = context;
+  let name = settings.signal ?? bench.aim.signal;
+  const value = make("output", { className: "big" });
+  const range = make("output", { className: "reading" });
+  const choice = signalChoice(bench, name, "signal", (chosen) => choose(chosen));
+  const choose = (chosen) => {
+    name = choice.value = chosen;
+    save({ signal: name });
+  };
+  const draw = paced(() => {
+    const signal = bench.signals[columnOf(bench, name)];
+    const { now, mean, rms } = statistics(context, signal.column);
+    value.textContent = reading(signal, now);
+    value.title = hint(signal);
+    range.textContent = signal.values ? "" : `mean ${show(mean, signal.unit, 6)}, rms about it ${show(rms, signal.unit, 3)}`;
+  });
+  return { element: make("div", { className: "number-panel" }, value, range), tools: [choice], draw, drop: choose };
+}
+
+export function gauge(context, settings, save) {
+  const { bench, store } = context;
+  let name = settings.signal ?? (columnOf(bench, "current") < 0 ? bench.aim.signal : "current");
+  let most = 0; // largest absolute value that was shown
+  const bar = make("i");
+  const value = make("output", { className: "big" });
+  const ends = make("div", { className: "ends" }, make("span"), make("span"));
+  const choice = signalChoice(bench, name, "signal", (chosen) => choose(chosen));
+  const choose = (chosen) => {
+    name = choice.value = chosen;
+    most = 0;
+    save({ signal: name });
+  };
+  const draw = paced(() => {
+    const signal = bench.signals[columnOf(bench, name)];
+    const now = store.value(signal.column, store.count - 1);
+    most = Math.max(most, store.largest(signal.column, Math.max(0, store.count - bench.rate)));
+    const [low, high] = gaugeRange(bench, signal, most);
+    const share = Math.min(1, Math.max(0, (now - low) / (high - low)));
+    bar.style.width = `${100 * share}%`;
+    bar.style.background = signal.colour;
+    value.textContent = reading(signal, now, 4);
+    for (const [n, end] of [low, high].entries()) ends.children[n].textContent = show(end, signal.unit, 3);
+  });
+  return { element: make("div", { className: "gauge-panel" }, value, make("div", { className: "track" }, bar), ends), tools: [choice], draw, drop: choose };
+}
 
 // Returns the range of a gauge: that of the demand for the controlled quantity, or a round number above all values.
 function gaugeRange({ aim }, { name, unit }, most) {
@@ -169,35 +148,37 @@ function gaugeRange({ aim }, { name, unit }, most) {
   return [unit === "m" ? 0 : -high, high];
 }
 
-register({
-  kind: "table",
-  title: "Table",
-  size: [5, 4],
-  make(context, settings, save) {
-    const { bench } = context;
-    const usual = [bench.aim.signal, bench.aim.reference, "force", "current"].filter((name) => columnOf(bench, name) >= 0);
-    let names = settings.signals ?? usual;
-    const body = make("tbody");
-    const heads = ["Signal", "Now", "Mean", "Rms about mean", "Peak to peak"];
-    const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text, scope: "col" })));
-    const keep = (wanted) => {
-      names = wanted;
-      save({ signals: names });
-    };
-    const draw = paced(() => {
-      const rows = names.map((name) => {
-        const signal = bench.signals[columnOf(bench, name)];
-        if (!signal) return make("tr");
-        const { now, mean, rms, low, high } = statistics(context, signal.column);
-        const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });
-        remove.setAttribute("aria-label", `remove ${signal.label}`);
-        const texts = [reading(signal, now, 4), ...[mean, rms, high - low].map((value) => show(value, signal.unit, 4))];
-        const cells = texts.map((textContent) => make("td", { textContent }));
-        return make("tr", {}, make("th", { textContent: signal.label, title: hint(signal), scope: "row" }), ...cells, make("td", {}, remove));
-      });
-      body.replaceChildren(...rows);
-    }, 250);
-    const element = make("div", { className: "scroll" }, make("table", {}, make("thead", {}, head), body));
-    return { element, draw, drop: (name) => keep([...new Set([...names, name])]) };
-  },
-});
+export function table(context, settings, save) {
+  const { bench } = context;
+  const usual = [bench.aim.signal, bench.aim.reference, "force", "current"].filter((name) => columnOf(bench, name) >= 0);
+  let names = settings.signals ?? usual;
+  const body = make("tbody");
+  const heads = ["Signal", "Now", "Mean", "Rms about mean", "Peak to peak"];
+  const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text, scope: "col" })));
+  const add = signalChoice(bench, "", "add a signal to the table", (name) => keep([...new Set([...names, name])]));
+  const row = (name) => {
+    const signal = bench.signals[columnOf(bench, name)];
+    const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });
+    remove.ariaLabel = `remove ${signal.label}`;
+    const cells = heads.slice(1).map(() => make("td"));
+    return make("tr", {}, make("th", { textContent: signal.label, title: hint(signal), scope: "row" }), ...cells, make("td", {}, remove));
+  };
+  let listed = null; // signals of the bench for which the rows were made
+  const keep = (wanted) => {
+    names = wanted;
+    listed = null;
+    save({ signals: names });
+  };
+  const draw = paced(() => {
+    const signals = names.map((name) => bench.signals[columnOf(bench, name)]).filter(Boolean);
+    if (listed !== bench.signals) body.replaceChildren(...signals.map(({ name }) => row(name)));
+    listed = bench.signals;
+    for (const [n, signal] of signals.entries()) {
+      const { now, mean, rms, low, high } = statistics(context, signal.column);
+      const texts = [reading(signal, now, 4), ...[mean, rms, high - low].map((value) => show(value, signal.unit, 4))];
+      for (const [m, text] of texts.entries()) body.rows[n].cells[m + 1].textContent = text;
+    }
+  }, 250);
+  const element = make("div", { className: "scroll" }, make("table", {}, make("thead", {}, head), body));
+  return { element, tools: [add], draw, drop: (name) => keep([...new Set([...names, name])]) };
+}

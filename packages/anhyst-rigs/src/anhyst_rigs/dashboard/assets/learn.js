@@ -4,7 +4,6 @@ import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { field, make, refuse, select } from "./dom.js";
 
-const MAX_DRAWN_CYCLES = 500; // maximum number of drawn cycles
 // Name, unit and factor from SI of each kind of parameter, for every magnet.
 const KINDS = {
   scale: ["scales", "%", 100],
@@ -45,7 +44,7 @@ export class Learning {
     this.kind.onchange = () => this.#again();
     this.group = field("Shown", this.kind);
     this.group.hidden = true;
-    this.figures = make("div", { className: "scroll figures" });
+    this.figures = make("div", { className: "scroll figures", tabIndex: 0, role: "region", ariaLabel: "figures" });
     const left = make("figure");
     const right = make("figure");
     this.values = new Plane(left, "t / s", "estimate / stated standard deviation");
@@ -56,11 +55,12 @@ export class Learning {
       this.figures,
       make("div", { className: "pair" }, left, right),
     );
+    this.learnt(bench.laps);
   }
 
-  // Adds new cycles.
+  // Shows the cycles.
   learnt(laps) {
-    this.#laps = [...this.#laps, ...laps].slice(-MAX_DRAWN_CYCLES);
+    this.#laps = laps;
     this.#again();
     this.#gain();
   }

@@ -1,35 +1,22 @@
 // Connects the link, the views and the controls.
 
-import "./bode.js";
-import { BodyView } from "./body.js";
-import "./catalogue.js";
 import { NAME as COMPENSATION } from "./compensation.js";
 import { Desks } from "./desks.js";
 import { download, keeping, make, refuse } from "./dom.js";
-import { Improve } from "./improve.js";
-import "./instruments.js";
-import { Learning } from "./learn.js";
-import { LevitationView } from "./levitation.js";
 import { Link } from "./link.js";
-import { LoopView } from "./loop.js";
 import { Notices } from "./notices.js";
 import { Panel } from "./panel.js";
 import { kinds } from "./panels.js";
 import { Parameters } from "./parameters.js";
-import { csv, picture } from "./picture.js";
 import { Scope } from "./scope.js";
-import { Sets } from "./sets.js";
 import { SignalList } from "./signallist.js";
 import { columnOf, label } from "./signals.js";
-import "./slider.js";
-import { SpectrumView } from "./spectrum.js";
-import { StepView } from "./steps.js";
+import { StepFinder } from "./stepfinder.js";
 import { Store } from "./store.js";
 import { inWords } from "./verbs.js";
+import { VIEWS } from "./views.js";
 
-const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning", "body"];
-const VIEW_KEYS = "1234567890"; // keys of the views
-const SOMETIMES = ["loop", "improve", "levitation", "learning", "body"]; // views that exist only for some benches
+const MAX_CYCLES = 500; // largest number of learning cycles that are kept
 
 const at = (id) => document.getElementById(id);
 const kept = keeping(); // choices for this browser and any rig
@@ -43,10 +30,10 @@ link.addEventListener("frame", (event) => feed(event.detail));
 link.addEventListener("status", (event) => status(event.detail));
 link.addEventListener("signals", (event) => page && adopt(event.detail.signals));
 link.addEventListener("parameters", (event) => page?.parameters.take(event.detail.parameters, event.detail.applied));
-link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
-link.addEventListener("learnt", (event) => (page?.learning ?? page?.improve)?.learnt(event.detail.laps));
-link.addEventListener("response", (event) => page && (page.bench.measured = event.detail.result));
-link.addEventListener("loops", (event) => page?.loop.know(event.detail.loops));
+link.addEventListener("improve", (event) => page && keep("results", event.detail.results, "show"));
+link.addEventListener("learnt", (event) => page && keep("laps", [...page.bench.laps, ...event.detail.laps].slice(-MAX_CYCLES), "learnt"));
+link.addEventListener("response", (event) => page && keep("measured", event.detail.result));
+link.addEventListener("loops", (event) => page && keep("loops", event.detail.loops, "know"));
 link.addEventListener("lost", (event) => lost(event.detail));
 
 // Sends an order and returns its answer. If the order is refused, shows the reason, at its control if the control
@@ -71,7 +58,14 @@ function record(text) {
   if (page) notices.write(text, "this page", page.store.newest, page.bench.rate, true);
 }
 
+// Stores results of the server for views that the user opens later, and shows them in the open views.
+function keep(name, value, act) {
+  page.bench[name] = value;
+  for (const shown of page.views.values()) shown?.[act]?.(value);
+}
+
 function open(bench) {
+  Object.assign(bench, { laps: [], results: {} });
   bench.choices = keeping(bench.title);
   const lastView = bench.choices.get("view", "scope");
   label(bench);
@@ -80,31 +74,16 @@ function open(bench) {
   const parameters = new Parameters(at("parameters"), order, bench.choices);
   parameters.take(bench.parameters, 0);
   const scope = new Scope({ view: at("scope"), bar: at("timebar"), figures: at("figures") }, bench, store, notify);
-  const both = bench.learns && bench.limits; // the learning view is separate only if there is also an improve view
-  page = {
-    bench,
-    store,
-    parameters,
-    scope,
-    sets: new Sets(at("parameters"), parameters, order),
-    loop: bench.commands.length ? new LoopView(at("loop"), bench, store) : null, // not for a foreign firmware
-    steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
-    improve:
-      bench.commands.length && (bench.limits || bench.learns || bench.keeps_time)
-        ? new (bench.learns && !both ? Learning : Improve)(at("improve"), bench, order)
-        : null,
-    learning: both ? new Learning(at("learning"), bench, order) : null,
-    levitation: bench.commands.length ? new LevitationView(at("levitation"), bench, store) : null,
-    spectrum: new SpectrumView(at("spectrum"), bench, store),
-    body: bench.body ? new BodyView(at("body"), bench, store) : null,
-    panel: new Panel(at("panel"), bench, order, parameters),
-  };
+  const panel = new Panel(at("panel"), bench, order, parameters);
+  const aims = [bench.aim.reference, bench.aim.signal].map((name) => columnOf(bench, name));
+  const finder = new StepFinder(bench, ...aims, (tick) => parameters.label(tick));
+  page = { bench, store, parameters, scope, finder, panel };
   page.layouts = new Map([[bench.signals.length, bench.signals.map((one) => one.name)]]);
-  const context = { bench, store, scope, parameters, order, notify };
-  page.fixed = new Map(fixedKinds().map((kind) => [kind.kind, fixedPanel(kind, context)]));
+  page.views = new Map([["scope", scope]]); // the views that were opened, by name
+  page.context = { bench, store, scope, finder, parameters, order, notify };
   tabs();
   page.list = new SignalList(at("signals"), bench, store, order, () => shownDesk()?.plot() ?? scope.plot);
-  page.desks = new Desks(at("desks"), at("desktabs"), context, (n) => choose(n === null ? view : `desk ${n}`));
+  page.desks = new Desks(at("desks"), at("desktabs"), page.context, (n) => choose(n === null ? view : `desk ${n}`));
   at("title").textContent = bench.title;
   refuse(at("stop"), bench.commands.length ? "" : "This firmware has no stop that anhyst knows.");
   document.title = `${bench.title} – anhyst live`;
@@ -113,14 +92,24 @@ function open(bench) {
   choose(lastView);
 }
 
-const fixedKinds = () => kinds().filter((kind) => kind.fixed && (kind.offered?.(page.bench) ?? true));
+const fixedKinds = () => kinds(page.bench).filter((kind) => kind.fixed);
+
+// Makes a view, or a desk, when the user opens it for the first time; its code may have to be loaded.
+async function load(name) {
+  const { views, context, desks } = page;
+  const { make: makeView } = VIEWS.find((one) => one.name === name) ?? {};
+  const kind = fixedKinds().find((one) => one.kind === name);
+  if (name.startsWith("desk ")) return desks.open(Number(name.slice(5)));
+  if (views.has(name) || !(makeView || kind)) return null;
+  views.set(name, null);
+  return views.set(name, await (makeView ? makeView(at(name), context) : fixedPanel(kind, context)));
+}
 
 // Makes a view of a panel that has a fixed tab.
-function fixedPanel(kind, context) {
+async function fixedPanel(kind, context) {
   const { choices } = context.bench;
-  const panel = kind.make(context, choices.get(kind.kind, {}), (settings) => choices.set(kind.kind, settings));
-  const place = at(kind.kind) ?? at("desks").insertAdjacentElement("beforebegin", make("div", { id: kind.kind, className: "view" }));
-  place.replaceChildren(...(panel.tools ? [make("div", { className: "bar" }, ...panel.tools)] : []), panel.element);
+  const panel = await kind.make(context, choices.get(kind.kind, {}), (settings) => choices.set(kind.kind, settings));
+  at(kind.kind).replaceChildren(...(panel.tools ? [make("div", { className: "bar" }, ...panel.tools)] : []), panel.element);
   return panel;
 }
 
@@ -147,7 +136,7 @@ async function restoreDerived() {
 }
 
 const shownDesk = () => (view.startsWith("desk ") ? page?.desks?.desks[Number(view.slice(5))] : null);
-const shownView = () => shownDesk() ?? page?.fixed.get(view) ?? page?.[view];
+const shownView = () => shownDesk() ?? page?.views.get(view);
 
 function feed(frame) {
   if (!page) return;
@@ -159,7 +148,7 @@ function feed(frame) {
   }
   page.store.push(frame);
   page.scope.feed(frame);
-  page.steps.feed(frame);
+  page.finder.feed(frame);
 }
 
 function status(now) {
@@ -183,10 +172,7 @@ function status(now) {
     Recorded: recorded(now.recording),
   });
   page.parameters.status(now);
-  page.improve?.status(now);
-  page.learning?.status(now);
-  page.sets.status(now);
-  for (const panel of page.fixed.values()) panel.status?.(now);
+  for (const shown of page.views.values()) shown?.status?.(now);
   shownDesk()?.status(now);
   role(now);
   if (!now.refused.derive) restoreDerived();
@@ -202,10 +188,11 @@ function recorded(file) {
 }
 
 function facts(values) {
-  const items = Object.entries(values).map(([name, text]) =>
-    make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: text })),
-  );
-  at("facts").replaceChildren(...items);
+  const place = at("facts");
+  const names = Object.keys(values);
+  if (place.childElementCount !== names.length)
+    place.replaceChildren(...names.map((name) => make("div", {}, make("dt", { textContent: name }), make("dd"))));
+  for (const [n, name] of names.entries()) place.children[n].lastChild.textContent = values[name];
 }
 
 // Shows which browser operates the bench, and which one requests control.
@@ -246,28 +233,33 @@ function askToken() {
 
 // Whether the bench has a view.
 function offered(name) {
-  if (name.startsWith("desk ")) return Boolean(page?.desks?.desks[Number(name.slice(5))]);
-  return page?.fixed.has(name) || (VIEWS.includes(name) && (!SOMETIMES.includes(name) || Boolean(page?.[name])));
+  if (name.startsWith("desk ")) return Boolean(page.desks?.layouts[Number(name.slice(5))]);
+  const known = VIEWS.find((one) => one.name === name) ?? fixedKinds().find(({ kind }) => kind === name);
+  return Boolean(known) && (known.offered?.(page.bench) ?? true);
 }
 
-function choose(wanted) {
+async function choose(wanted) {
   const name = [wanted, wanted === "learning" ? "improve" : "scope", "scope"].find(offered);
-  if (!name) return;
   view = name;
   page.bench.choices.set("view", name);
-  const desk = shownDesk();
-  if (desk) page.desks.current = Number(name.slice(5));
-  const none = shownView()?.table ? "" : "this view has no data yet";
-  for (const button of [at("png"), at("csv")]) refuse(button, none);
-  const place = desk ? "desks" : name;
-  for (const one of at("sections").children) one.hidden = one.id !== place;
-  for (const one of page.desks?.desks ?? []) one.element.hidden = one !== desk;
-  const timed = desk || name === "scope";
+  const isDesk = name.startsWith("desk ");
+  if (isDesk) page.desks.current = Number(name.slice(5));
+  for (const one of at("sections").children) one.hidden = one.id !== (isDesk ? "desks" : name);
+  const timed = isDesk || name === "scope";
   for (const id of ["timebar", "signals", "figures"]) at(id).hidden = !timed;
   for (const tab of document.querySelectorAll("[role=tab]")) {
     tab.setAttribute("aria-selected", tab.dataset.view === name);
     tab.tabIndex = tab.dataset.view === name ? 0 : -1;
   }
+  try {
+    await load(name);
+  } catch (wrong) {
+    page.views.delete(name);
+    notify(`The view ${name} cannot be loaded; open it again: ${wrong.message}`);
+  }
+  page.desks?.desks.forEach((desk) => (desk.element.hidden = desk !== shownDesk()));
+  const none = shownView()?.table ? "" : "this view has no data yet";
+  for (const button of [at("png"), at("csv")]) refuse(button, none);
 }
 
 // Saves the open view as a file: a picture, or its values as CSV.
@@ -276,6 +268,7 @@ async function save(kind) {
   const shown = shownView();
   const desk = shownDesk();
   const name = `${bench.title.replace(/\W+/g, "-")}-${view.replace(" ", "-")}-${store.newest}.${kind}`;
+  const { csv, picture } = await import("./picture.js");
   if (kind === "csv") return download(name, new Blob([csv(shown.table())], { type: "text/csv" }));
   const title = `${bench.title}, ${desk?.layout.name ?? view}, tick ${store.newest}`;
   return download(name, await picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]));
@@ -309,8 +302,8 @@ document.addEventListener(
     }
     if (event.target.matches("input, select") || event.ctrlKey || event.altKey || event.metaKey)
       return;
-    const keyed = VIEWS[VIEW_KEYS.indexOf(event.key)];
-    const act = KEYS[event.key.toLowerCase()] ?? (keyed && (() => page && choose(keyed)));
+    const keyed = VIEWS.find(({ key }) => key === event.key);
+    const act = KEYS[event.key.toLowerCase()] ?? (keyed && (() => page && choose(keyed.name)));
     if (act) {
       event.preventDefault();
       act();
@@ -345,7 +338,7 @@ function tabs() {
   };
   const word = (name) => name.charAt(0).toUpperCase() + name.slice(1);
   at("tabs").replaceChildren(
-    ...VIEWS.filter(offered).map((name) => tab(name, `${VIEW_KEYS[VIEWS.indexOf(name)]} ${word(name)}`)),
+    ...VIEWS.filter(({ name }) => offered(name)).map(({ name, key }) => tab(name, `${key} ${word(name)}`)),
     ...fixedKinds().map(({ kind, title }) => tab(kind, title)),
   );
 }

@@ -92,7 +92,7 @@ export class Panel {
   #push() {
     const names = this.pushes.map(({ name }) => name);
     const axis = select(names.map((name) => [name, name.replace("push_", "along ")]), names[0]);
-    axis.id = "push-axis";
+    Object.assign(axis, { id: "push-axis", ariaLabel: "axis of the push" });
     const now = make("output", { className: "reading" });
     const order = (part) => {
       const { name, high, unit } = this.pushes.find((one) => one.name === axis.value);

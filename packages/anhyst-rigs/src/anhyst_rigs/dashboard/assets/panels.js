@@ -4,8 +4,8 @@
 //   kind      key in the saved layout, such as "gauge"
 //   title     name in the menu and in the head of the panel, in sentence case
 //   size      [columns, rows] of a new panel on the grid of 12 columns
-//   make(context, settings, save)   returns a panel; `settings` is a JSON object that the layout stores, {} for a
-//             new panel; after a change, the panel calls save({ ...settings }) with all its settings
+//   make(context, settings, save)   returns a promise of a panel; `settings` is a JSON object that the layout
+//             stores, {} for a new panel; after a change, the panel calls save({ ...settings }) with all its settings
 //
 // The context is the same for all panels:
 //   bench       the bench message of the server; bench.signals have name, label, symbol, unit, colour, column, head
@@ -25,8 +25,8 @@
 //   table(), words()   columns of values in SI units for CSV, and lines of [text, colour] parts for PNG
 //   plot            a TimePlot, which the common time draws
 //
-// A file that defines a kind calls register(kind); main.js imports it. A kind of which there is one panel with many
-// controls can also be a fixed tab: main.js shows it with `fixed: true`, if offered(bench) is missing or true.
+// views.js registers each kind. A kind of which there is one panel with many controls can also be a fixed tab:
+// main.js shows it with `fixed: true`. A kind with offered(bench) exists only for the benches for which this is true.
 
 const KINDS = new Map();
 
@@ -38,6 +38,7 @@ export function kindOf(name) {
   return KINDS.get(name);
 }
 
-export function kinds() {
-  return [...KINDS.values()];
+// Returns the kinds that a bench has.
+export function kinds(bench) {
+  return [...KINDS.values()].filter(({ offered }) => offered?.(bench) ?? true);
 }

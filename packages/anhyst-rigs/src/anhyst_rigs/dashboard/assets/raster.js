@@ -25,18 +25,35 @@ export class Raster {
   // Draws a line through points: x = a[0] * value + a[1] from the left, y = b[0] * value + b[1] from
   // the top, in pixels. The line is interrupted at values that are NaN. Dashes: [period, drawn part], pixels.
   line(xs, ys, a, b, { colour, dash, alpha }, thickness) {
-    const paint = word(colour, alpha);
-    this.dash = dash;
+    this.pen = { paint: word(colour, alpha), dash, thickness };
     let left = NaN;
     let before = NaN;
+    let [column, top, bottom] = [NaN, NaN, NaN]; // the pixel column that is not drawn yet, and its extent
     for (let i = 0; i < xs.length; i++) {
       const x = a[0] * xs[i] + a[1];
       const y = b[0] * ys[i] + b[1];
-      if (left <= x && before === before && y === y)
-        this.#segment(left, before, x, y, paint, thickness);
+      const here = Math.floor(x);
+      const joined = left <= x && before === before && y === y;
+      if (joined && here === column) {
+        if (y < top) top = y;
+        if (y > bottom) bottom = y;
+      } else {
+        if (joined) {
+          const slope = (y - before) / (x - left);
+          const edge = before + slope * (column + 1 - left);
+          this.#column(column, Math.min(top, edge), Math.max(bottom, edge));
+          this.#slope(column + 1, here, edge, slope);
+          const entry = y - slope * (x - here);
+          [column, top, bottom] = [here, Math.min(entry, y), Math.max(entry, y)];
+        } else {
+          this.#column(column, top, bottom);
+          [column, top, bottom] = [here, y, y];
+        }
+      }
       left = x;
       before = y;
     }
+    this.#column(column, top, bottom);
   }
 
   // Returns the picture as a canvas.
@@ -45,27 +62,21 @@ export class Raster {
     return this.canvas;
   }
 
-  #segment(x0, y0, x1, y1, paint, thickness) {
-    const first = Math.floor(x0);
-    const last = Math.floor(x1);
-    if (first === last) {
-      this.#column(first, Math.min(y0, y1), Math.max(y0, y1), paint, thickness);
-      return;
-    }
-    const slope = (y1 - y0) / (x1 - x0);
-    const end = Math.min(last, this.#width - 1);
-    for (let x = Math.max(first, 0); x <= end; x++) {
-      const from = y0 + slope * (Math.max(x, x0) - x0);
-      const to = y0 + slope * (Math.min(x + 1, x1) - x0);
-      this.#column(x, Math.min(from, to), Math.max(from, to), paint, thickness);
+  // Draws the columns of a straight part, from its height at the left edge of the first column.
+  #slope(first, end, height, slope) {
+    for (let x = Math.max(first, 0); x < Math.min(end, this.#width); x++) {
+      const from = height + slope * (x - first);
+      this.#column(x, Math.min(from, from + slope), Math.max(from, from + slope));
     }
   }
 
-  #column(x, top, bottom, paint, thickness) {
+  // Draws a column; nothing if it is outside the picture or has no extent.
+  #column(x, top, bottom) {
     const width = this.#width;
-    if (x < 0 || x >= width) return;
+    const { paint, dash, thickness } = this.pen;
+    if (!(x >= 0 && x < width && top <= bottom)) return;
     // Steep parts have no dashes, so that no spike is lost.
-    if (this.dash && bottom - top < MIN_STEEP_PX && x % this.dash[0] >= this.dash[1]) return;
+    if (dash && bottom - top < MIN_STEEP_PX && x % dash[0] >= dash[1]) return;
     const first = Math.max(0, Math.round(top - 0.5 * thickness));
     const last = Math.min(this.#height, Math.max(first + thickness, Math.round(bottom + 0.5 * thickness)));
     const pixels = this.#pixels;

@@ -3,7 +3,6 @@
 import { ink } from "./colours.js";
 import { Cursors } from "./cursors.js";
 import { field, make, select } from "./dom.js";
-import { Overlay } from "./overlay.js";
 import { columnOf } from "./signals.js";
 import { TimePlot } from "./timeplot.js";
 import { Trigger } from "./trigger.js";
@@ -57,7 +56,10 @@ export class Scope {
     const to = this.#end();
     const from = to - this.window * this.bench.rate;
     this.view = { from, to, zero: this.#zero(to) };
-    for (const plot of plots) plot.draw();
+    const { cursors, store } = this;
+    const parts = [...Object.values(this.view), this.zeroName, store.newest, cursors.ticks, this.overlays.map((one) => one.shift)];
+    const state = parts.join(" ");
+    for (const plot of plots) plot.draw(state);
     if (performance.now() >= this.#readAt) {
       this.#readAt = performance.now() + READ_MS;
       this.#read();
@@ -175,6 +177,14 @@ export class Scope {
     this.cursors.put(time);
   }
 
+  // Sets a cursor with Enter, and moves it with the arrow keys by 1 % of the window, with Shift by one tick.
+  key(event) {
+    const { rate, every } = this.bench;
+    const way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (event.key === "Enter") this.put((this.view.from + this.view.to) / (2 * rate));
+    else if (way) this.cursors.move(way * (event.shiftKey ? every : Math.max(every, Math.round(0.01 * this.window * rate))));
+  }
+
   // Returns the signals of the open plots.
   #shown() {
     const names = new Set([...this.plots].flatMap((plot) => [...plot.names]));
@@ -194,6 +204,7 @@ export class Scope {
   // Overlays a recording on all time plots.
   async overlay(file) {
     try {
+      const { Overlay } = await import("./overlay.js");
       const overlay = await Overlay.read(file, this.bench);
       this.overlays = [...this.overlays, overlay];
       this.#align();

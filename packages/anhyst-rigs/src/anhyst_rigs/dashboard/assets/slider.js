@@ -2,49 +2,43 @@
 
 import { make } from "./dom.js";
 import { describe } from "./names.js";
-import { register } from "./panels.js";
 import { Quantity } from "./quantity.js";
 
 const SEND_MS = 50; // delay of an order, which a further movement restarts
 
-register({
-  kind: "slider",
-  title: "Slider",
-  size: [4, 2],
-  make({ bench, order, parameters }, settings, save) {
-    const specs = adjustable(bench, parameters);
-    let chosen = specs.has(settings.of) ? settings.of : specs.keys().next().value;
-    const place = make("div", { className: "slider-panel" });
-    const options = [...specs].map(([key, { label }]) => make("option", { value: key, textContent: label }));
-    const choice = make("select", { onchange: () => choose(choice.value) }, ...options);
-    choice.setAttribute("aria-label", "quantity of the slider");
-    let due = 0;
-    const build = () => {
-      const spec = specs.get(chosen);
-      const send = () => order(spec.order, spec.fields(quantity.value));
-      const quantity = new Quantity({ ...spec, value: spec.now() }, () => {
-        clearTimeout(due);
-        due = setTimeout(send, SEND_MS);
-      });
-      place.replaceChildren(quantity.slider(), make("div", { className: "line" }, ...quantity.elements), quantity.message);
-    };
-    const choose = (key) => {
-      chosen = choice.value = key;
-      build();
-      save({ of: key });
-    };
-    choice.value = chosen;
+export function slider({ bench, order, parameters }, settings, save) {
+  const specs = adjustable(bench, parameters);
+  let chosen = specs.has(settings.of) ? settings.of : specs.keys().next().value;
+  const place = make("div", { className: "slider-panel" });
+  const options = [...specs].map(([key, { label }]) => make("option", { value: key, textContent: label }));
+  const choice = make("select", { onchange: () => choose(choice.value) }, ...options);
+  choice.setAttribute("aria-label", "quantity of the slider");
+  let due = 0;
+  const build = () => {
+    const spec = specs.get(chosen);
+    const send = () => order(spec.order, spec.fields(quantity.value));
+    const quantity = new Quantity({ ...spec, value: spec.now() }, () => {
+      clearTimeout(due);
+      due = setTimeout(send, SEND_MS);
+    });
+    place.replaceChildren(quantity.slider(), make("div", { className: "line" }, ...quantity.elements), quantity.message);
+  };
+  const choose = (key) => {
+    chosen = choice.value = key;
     build();
-    const status = ({ refused }) => {
-      const reason = refused[specs.get(chosen).order] ?? "";
-      for (const one of place.querySelectorAll("input")) {
-        one.disabled = Boolean(reason);
-        one.title = reason;
-      }
-    };
-    return { element: place, tools: [choice], status };
-  },
-});
+    save({ of: key });
+  };
+  choice.value = chosen;
+  build();
+  const status = ({ refused }) => {
+    const reason = refused[specs.get(chosen).order] ?? "";
+    for (const one of place.querySelectorAll("input")) {
+      one.disabled = Boolean(reason);
+      one.title = reason;
+    }
+  };
+  return { element: place, tools: [choice], status };
+}
 
 // Returns the quantities that a slider can adjust, by key.
 function adjustable(bench, parameters) {

@@ -1,11 +1,14 @@
 // Finds steps of the reference in the samples, and computes overshoot, rise and settling times.
 
+const MAX_STEPS = 24; // number of steps that are kept
 const BEFORE_S = 0.01; // time for which the reference must be constant before a step
 const AFTER_S = 0.06; // time for which it must be constant after a step
 const MIN_HEIGHT_RATIO = 1e-3; // smallest height of a step, as a fraction of the reference before it
 const BAND = 0.05; // settling band, as a fraction of the step height
 
 export class StepFinder {
+  steps = []; // the last steps; a new array after each change
+
   #rate; // rows per second
   #every; // ticks between two rows
   #columns;
@@ -13,25 +16,22 @@ export class StepFinder {
   #since = 0; // rows since the reference last changed
   #jump = null; // row of a step that has not settled yet; null if there is none
 
-  constructor({ rate, every }, reference, actual) {
+  // `inForce` returns a text on the parameters that are active at a tick.
+  constructor({ rate, every }, reference, actual, inForce) {
     this.#rate = rate / every;
     this.#every = every;
     this.#columns = [reference, actual];
+    this.inForce = inForce;
   }
 
-  // Returns the steps that ended within a frame.
+  // Adds the steps that ended within a frame.
   feed(frame) {
-    if (frame.thinned) {
-      this.#reset();
-      return [];
-    }
+    if (frame.thinned) return this.#reset();
     const [references, actuals] = this.#columns.map((n) => frame.data[n]);
-    const found = [];
     for (let i = 0; i < frame.ticks.length; i++) {
       const step = this.#row(frame.ticks[i], references[i], actuals[i]);
-      if (step) found.push(step);
+      if (step) this.steps = [...this.steps, { ...step, label: this.inForce(step.tick) }].slice(-MAX_STEPS);
     }
-    return found;
   }
 
   #reset() {

@@ -3,22 +3,16 @@
 import { Plane } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { make } from "./dom.js";
-import { columnOf } from "./signals.js";
-import { StepFinder } from "./stepfinder.js";
 import { show } from "./units.js";
 
-const MAX_STEPS = 24;
-
 export class StepView {
-  #steps = [];
-  #dirty = true;
+  #shown = null; // the steps in the table
+  #key = ""; // size and theme of the drawn picture
 
-  constructor(place, bench, inForce) {
-    this.inForce = inForce;
-    const find = (name) => columnOf(bench, name);
+  constructor(place, bench, finder) {
     this.unit = bench.aim.unit;
-    this.finder = new StepFinder(bench, find(bench.aim.reference), find(bench.aim.signal));
-    const clear = make("button", { textContent: "Clear", title: "Remove all steps", onclick: () => this.clear() });
+    this.finder = finder;
+    const clear = make("button", { textContent: "Clear", title: "Remove all steps", onclick: () => (finder.steps = []) });
     this.hint = make("output", {
       className: "reading",
       textContent: "No steps yet. Set another target while the rig runs, or start the step of the generator.",
@@ -30,25 +24,13 @@ export class StepView {
     const table = make("table", {}, make("thead", {}, head), this.rows);
     place.replaceChildren(
       make("div", { className: "bar" }, clear, this.hint),
-      make("div", { className: "stack" }, figure, make("div", { className: "scroll" }, table)),
+      make("div", { className: "stack" }, figure, make("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "figures of the steps" }, table)),
     );
     this.plane = new Plane(figure, "Time from the step / ms", "Step / %");
   }
 
-  feed(frame) {
-    for (const step of this.finder.feed(frame)) {
-      this.#steps = [...this.#steps, { ...step, label: this.inForce(step.tick) }].slice(-MAX_STEPS);
-      this.#dirty = true;
-    }
-  }
-
-  clear() {
-    this.#steps = [];
-    this.#dirty = true;
-  }
-
   table() {
-    const each = (of) => this.#steps.flatMap((step) => step.times.map((_, n) => of(step, n)));
+    const each = (of) => this.finder.steps.flatMap((step) => step.times.map((_, n) => of(step, n)));
     return {
       tick: each((step) => step.tick),
       t_s: each((step, n) => step.times[n]),
@@ -58,52 +40,41 @@ export class StepView {
   }
 
   words() {
-    const labels = [...new Set(this.#steps.map((step) => step.label))];
+    const labels = [...new Set(this.finder.steps.map((step) => step.label))];
     return [labels.map((label, n) => [label, COLOURS[n % COLOURS.length]])];
   }
 
   draw() {
+    const { steps } = this.finder;
+    const { clientWidth, clientHeight } = this.plane.canvas.parentElement;
+    const key = `${clientWidth} ${clientHeight} ${document.documentElement.dataset.theme}`;
+    if (steps === this.#shown && key === this.#key) return;
+    [this.#shown, this.#key] = [steps, key];
     this.plane.begin([-5, 60, -20, 150]);
     this.plane.line([-5, 0, 0, 60], [0, 0, 100, 100], "#8c8c8c", 1);
-    const labels = [...new Set(this.#steps.map((step) => step.label))];
-    for (const step of this.#steps) {
+    const labels = [...new Set(steps.map((step) => step.label))];
+    for (const step of steps) {
       const colour = COLOURS[labels.indexOf(step.label) % COLOURS.length];
-      this.plane.line(
-        step.times.map((t) => 1e3 * t),
-        step.part.map((p) => 100 * p),
-        colour,
-        1.3,
-        0.8,
-      );
+      const times = step.times.map((t) => 1e3 * t);
+      const percents = step.part.map((p) => 100 * p);
+      this.plane.line(times, percents, colour, 1.3, 0.8);
     }
-    if (this.#dirty) this.#table(labels);
-    this.#dirty = false;
+    this.#table(labels);
   }
 
   #table(labels) {
-    this.hint.hidden = this.#steps.length > 0;
+    this.hint.hidden = this.finder.steps.length > 0;
     const rows = labels.map((label, n) => {
-      const mine = this.#steps.filter((step) => step.label === label);
+      const mine = this.finder.steps.filter((step) => step.label === label);
       const swatch = make("i", { className: "swatch" });
       swatch.style.background = COLOURS[n % COLOURS.length];
+      const column = (of, write) => spread(mine.map(of), write);
       const cells = [
         `${label} (${mine.length})`,
-        spread(
-          mine.map((step) => Math.abs(step.height)),
-          (value) => show(value, this.unit, 3),
-        ),
-        spread(
-          mine.map((step) => step.overshoot),
-          (value) => `${value.toFixed(1)} %`,
-        ),
-        spread(
-          mine.map((step) => step.rise),
-          (value) => `${(1e3 * value).toFixed(2)} ms`,
-        ),
-        spread(
-          mine.map((step) => step.settling),
-          (value) => `${(1e3 * value).toFixed(1)} ms`,
-        ),
+        column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),
+        column((step) => step.overshoot, (value) => `${value.toFixed(1)} %`),
+        column((step) => step.rise, (value) => `${(1e3 * value).toFixed(2)} ms`),
+        column((step) => step.settling, (value) => `${(1e3 * value).toFixed(1)} ms`),
       ];
       return make(
         "tr",

@@ -12,6 +12,7 @@ export class Store {
   #every; // ticks between two rows if no tick is missing
   #begin = 0;
   #count = 0;
+  #dropped = 0; // number of rows that newer rows have replaced
 
   constructor(columns, every = 1, capacity = CAPACITY) {
     this.#every = every;
@@ -53,7 +54,10 @@ export class Store {
   #place(tick) {
     let at = this.#begin + this.#count;
     if (this.#count < this.#capacity) this.#count++;
-    else this.#begin = (this.#begin + 1) % this.#capacity;
+    else {
+      this.#begin = (this.#begin + 1) % this.#capacity;
+      this.#dropped++;
+    }
     at %= this.#capacity;
     this.#ticks[at] = tick;
     return at;
@@ -90,23 +94,24 @@ export class Store {
     return most;
   }
 
-  // Returns ticks and columns to draw: all rows, or the smallest and the largest value of each pixel in
-  // their order of time, so that no spike is lost. Missing values are NaN.
-  envelope(columns, from, to, pixels) {
+  // Returns ticks and columns to draw: all rows, or the smallest and the largest value of each bin of rows in
+  // their order of time, so that no spike is lost. A bin is at most a pixel wide. Missing values are NaN. `known`
+  // keeps the complete bins of a plot from one picture to the next.
+  envelope(columns, from, to, pixels, known = new Bins()) {
     const first = Math.max(0, this.find(from) - 1);
     const last = Math.min(this.#count, this.find(to) + 1);
-    const rows = last - first;
-    if (rows <= 2 * pixels) return this.#plain(columns, first, rows);
-    const edges = Uint32Array.from(
-      { length: pixels + 1 },
-      (_, p) => first + Math.floor((p * rows) / pixels),
-    );
-    const ticks = new Float64Array(2 * pixels);
-    for (let p = 0; p < pixels; p++) {
-      ticks[2 * p] = this.tick(edges[p]);
-      ticks[2 * p + 1] = this.tick((edges[p] + edges[p + 1]) >> 1);
+    if (last - first <= 2 * pixels) return this.#plain(columns, first, last - first);
+    known.fit((last - first) / pixels, 2 * pixels + 2);
+    const { width } = known;
+    const begin = Math.floor((this.#dropped + first) / width);
+    const bins = Math.ceil((this.#dropped + last) / width) - begin;
+    const row = (bin) => Math.max(0, Math.min(this.#count, (begin + bin) * width - this.#dropped));
+    const ticks = new Float64Array(2 * bins);
+    for (let bin = 0; bin < bins; bin++) {
+      ticks[2 * bin] = this.tick(row(bin));
+      ticks[2 * bin + 1] = this.tick((row(bin) + row(bin + 1)) >> 1);
     }
-    return { ticks, columns: columns.map((n) => this.#extremes(this.#data[n], edges)) };
+    return { ticks, columns: columns.map((n) => this.#extremes(this.#data[n], known.column(n), begin, bins, width)) };
   }
 
   #plain(columns, first, rows) {
@@ -118,28 +123,64 @@ export class Store {
     return { ticks: take(this.#ticks), columns: columns.map((n) => take(this.#data[n])) };
   }
 
-  #extremes(column, edges) {
-    const out = new Float32Array(2 * (edges.length - 1));
-    for (let p = 0; p + 1 < edges.length; p++) {
-      let at = (this.#begin + edges[p]) % this.#capacity;
-      let low = column[at];
-      let high = low;
-      let lowFirst = true;
-      let holed = Number.isNaN(low);
-      for (let i = edges[p] + 1; i < edges[p + 1]; i++) {
-        if (++at === this.#capacity) at = 0;
-        const value = column[at];
-        if (value < low) {
-          low = value;
-          lowFirst = false;
-        } else if (value > high) {
-          high = value;
-          lowFirst = true;
-        } else if (value !== value) holed = true;
+  #extremes(column, known, begin, bins, width) {
+    const out = new Float32Array(2 * bins);
+    const complete = (this.#dropped + this.#count) / width - 1; // largest number of a bin that has all its rows
+    for (let bin = 0, number = begin; bin < bins; bin++, number++) {
+      const place = number % known.numbers.length;
+      const pair = 2 * place;
+      if (known.numbers[place] !== number) {
+        this.#measure(column, number * width - this.#dropped, width, known.values, pair);
+        known.numbers[place] = number <= complete ? number : -1;
       }
-      out[2 * p] = holed ? NaN : lowFirst ? low : high;
-      out[2 * p + 1] = holed ? NaN : lowFirst ? high : low;
+      out[2 * bin] = known.values[pair];
+      out[2 * bin + 1] = known.values[pair + 1];
     }
     return out;
+  }
+
+  // Writes the extremes of some rows in their order of time; NaN if a value is missing.
+  #measure(column, row, count, out, place) {
+    const first = Math.max(0, row);
+    let at = (this.#begin + first) % this.#capacity;
+    let low = column[at];
+    let high = low;
+    let lowFirst = true;
+    let holed = low !== low;
+    for (let n = Math.min(this.#count, row + count) - first; n > 1; n--) {
+      if (++at === this.#capacity) at = 0;
+      const value = column[at];
+      if (value < low) {
+        low = value;
+        lowFirst = false;
+      } else if (value > high) {
+        high = value;
+        lowFirst = true;
+      } else if (value !== value) holed = true;
+    }
+    out[place] = holed ? NaN : lowFirst ? low : high;
+    out[place + 1] = holed ? NaN : lowFirst ? high : low;
+  }
+}
+
+// The extremes of bins of rows, which do not change once all rows of a bin are stored.
+export class Bins {
+  width = 0; // rows in a bin
+  #size = 0; // number of bins of each column
+  #columns = new Map();
+
+  // Chooses a width of at most some rows; forgets all bins if the width or their number changes.
+  fit(rows, size) {
+    if (this.width <= rows && this.width > rows / 2 && this.#size === size) return;
+    this.width = Math.floor(rows);
+    this.#size = size;
+    this.#columns.clear();
+  }
+
+  // Returns the bins of a column: `numbers` contains the number of the bin in each place, -1 if it is not complete.
+  column(n) {
+    if (!this.#columns.has(n))
+      this.#columns.set(n, { numbers: new Float64Array(this.#size).fill(-1), values: new Float32Array(2 * this.#size) });
+    return this.#columns.get(n);
   }
 }

@@ -5,6 +5,7 @@ import { make } from "./dom.js";
 import { axisName, sign } from "./names.js";
 import { Raster } from "./raster.js";
 import { hint, leastSpan, reading } from "./signals.js";
+import { Bins } from "./store.js";
 import { shown } from "./units.js";
 import uPlot from "./uplot/uPlot.esm.js";
 
@@ -18,6 +19,7 @@ const MAX_MS_WINDOW_S = 0.5; // longest window whose times are shown in ms
 
 export class Strip {
   #raster = new Raster();
+  #bins = new Bins();
   #traces = [];
   #overlays = [];
 
@@ -98,7 +100,7 @@ export class Strip {
   show(store, { from, to, zero }) {
     const pixels = Math.max(50, Math.round(this.plot.bbox.width / devicePixelRatio));
     const columns = this.signals.map((signal) => signal.column);
-    this.#traces = [{ ...store.envelope(columns, from, to, pixels), signals: this.signals, shift: 0 }];
+    this.#traces = [{ ...store.envelope(columns, from, to, pixels, this.#bins), signals: this.signals, shift: 0 }];
     this.#overlays = this.scope.overlays.map((one) => one.envelope(this.signals, from, to, pixels));
     this.zero = zero;
     const least = leastSpan(this.scope.bench, store, this.unit) * this.factor;

@@ -6,19 +6,23 @@ import { Strip } from "./strip.js";
 
 export class TimePlot {
   #size = { width: 0, height: 0 };
+  #drawn = ""; // state and size of the last picture
 
   // `changed` receives the names of the signals after each change.
   constructor(scope, names, changed) {
     this.scope = scope;
     this.changed = changed;
     this.names = new Set(names);
-    this.stripsPlace = make("div", { className: "strips" });
+    this.stripsPlace = make("div", { className: "strips", tabIndex: 0, role: "group", ariaLabel: "signals over time" });
+    this.stripsPlace.onkeydown = (event) => {
+      if (event.target === this.stripsPlace) scope.key(event);
+    };
     this.hint = make("p", {
       className: "empty",
       textContent: "No signals yet. Drag a signal from the list into this plot, or tick it in the list.",
     });
     this.element = make("div", { className: "timeplot" }, this.hint, this.stripsPlace);
-    this.stripsPlace.title = "Click: cursors A and B. Drag or wheel: zoom. Double click: back.";
+    this.stripsPlace.title = "Click, or Enter and the arrow keys: cursors A and B. Drag or wheel: zoom. Double click: back.";
     new ResizeObserver(([{ contentRect }]) => {
       this.#size = { width: Math.floor(contentRect.width), height: Math.floor(contentRect.height) };
     }).observe(this.stripsPlace);
@@ -63,6 +67,7 @@ export class TimePlot {
 
   build() {
     this.stripsPlace.replaceChildren();
+    this.#drawn = "";
     const { signals } = this;
     const units = [...new Set(signals.map((signal) => signal.unit))];
     this.hint.hidden = units.length > 0;
@@ -72,9 +77,12 @@ export class TimePlot {
     });
   }
 
-  draw() {
+  // Draws the strips if something has changed; `state` names everything that all plots share.
+  draw(state) {
     const { width, height } = this.#size;
-    if (!width) return;
+    const drawn = `${state} ${width} ${height}`;
+    if (!width || drawn === this.#drawn) return;
+    this.#drawn = drawn;
     const heights = Strip.heights(this.strips.length, height);
     for (const [n, strip] of this.strips.entries()) {
       strip.resize(width, heights[n]);
