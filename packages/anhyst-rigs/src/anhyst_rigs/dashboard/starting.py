@@ -64,10 +64,10 @@ class StartProgress:
         reply = {name: getattr(self, name) for name in ("title", "work", "share", "error")}
         now = self._last_request_time
         reply["seconds"] = now - self._start_time
-        step_ends = [begin for _, begin in self._steps[1:]] + [now]
+        steps = tuple(self._steps)
+        ends = [*(begin for _, begin in steps[1:]), now]
         reply["steps"] = [
-            {"work": work, "seconds": end - begin}
-            for (work, begin), end in zip(self._steps, step_ends, strict=True)
+            {"work": work, "seconds": end - begin} for (work, begin), end in zip(steps, ends, strict=False)
         ]
         if reply["error"]:
             self._is_error_delivered.set()

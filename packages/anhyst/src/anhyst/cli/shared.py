@@ -190,7 +190,7 @@ def print_steps() -> Iterator[None]:
     def end_step(next_work: str = "") -> None:
         now = time.monotonic()
         for work, begin in running:
-            print(f"{work}: {now - begin:.1f} s", flush=True)
+            print(f"{work}: {now - begin:.1f} s")
         running[:] = [(next_work, now)]
 
     with listen_to_steps(end_step):
