@@ -52,10 +52,10 @@ INK_COLOUR = "#000000"
 SHADE_COLOUR = "#8C8C8C"
 PALE_COLOUR = "#C4C4C4"
 
-# The dashes are for prints without colour. The two constants share a colour.
+# The dashes are for prints without colour.
 _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
     "ratio": (FALLING_COLOUR, "-"),
-    "secant": (FALLING_COLOUR, (0, (1, 1))),
+    "secant": (SHADE_COLOUR, (0, (1, 1))),
     "linearised": (PALETTE["orange"], (0, (6, 1.5))),
     "single-valued": (PALETTE["pink"], (0, (3, 1))),
     "play": (PALETTE["rust"], (0, (4, 1, 1, 1, 1, 1))),
