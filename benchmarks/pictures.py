@@ -2,7 +2,7 @@
 
     python benchmarks/pictures.py [NAME ...]
 
-The names are loops, force-control, piezo-stage and tracking. All four take ten minutes on two cores.
+The names are loops, force-control, piezo-stage and tracking. All four take two to five minutes on two cores.
 """
 
 from __future__ import annotations
