@@ -22,7 +22,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 
 from rows import ROOT
 
-_TIMEOUT_MS = 120_000
+_TIMEOUT_MS = 40_000
 _SETTLING_MS = 2_000
 """Time before a picture, in which a view draws, ms."""
 
@@ -75,6 +75,7 @@ def draw_bearing(page: Page) -> None:
     expect(page.locator("#state")).to_have_text("run")
     page.locator("#generate").click()
     page.locator("#window").select_option(label="500 ms")
+    page.locator("summary", has_text="Derived signal").click()
     page.get_by_placeholder("name, such as power").fill("power")
     page.get_by_placeholder("lowpass(force_N * current_A, 200)").fill("force * velocity")
     page.get_by_placeholder("unit, such as W").fill("W")
