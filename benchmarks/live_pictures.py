@@ -97,7 +97,8 @@ def draw_piezo(page: Page) -> None:
     order(page, "run")
     page.wait_for_timeout(2_000)
     page.keyboard.press("c")
-    page.wait_for_timeout(500)
+    page.get_by_role("button", name="Off (C)").wait_for()
+    page.wait_for_timeout(300)
     page.keyboard.press("Space")
     save(page, "piezo")
 

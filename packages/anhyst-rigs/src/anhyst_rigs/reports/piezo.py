@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from anhyst.support.atomic import check_writable
-from anhyst.support.figures import FALLING_COLOUR, new_figure, use_report_style, write_svg
+from anhyst.support.figures import new_figure, use_report_style, write_svg
 from anhyst.support.page import NBSP, Headline, PageTable, Section
 from anhyst_rigs.reports.study.page import (
     COLOURS,
@@ -27,7 +26,7 @@ from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.study.engine.table import Interval
 from anhyst_rigs.study.piezo import COMPENSATION_TITLES, DEVIATION_METRICS, PiezoTracking, simulate_tracking
 
-_COLOURS: Mapping[str, str] = {**COLOURS, "none": FALLING_COLOUR}
+_COLOURS = {"none": COLOURS["ratio"], "single-valued": COLOURS["single-valued"], "full": COLOURS["full"]}
 
 
 @use_report_style

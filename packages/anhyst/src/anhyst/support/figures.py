@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import matplotlib as mpl
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -57,7 +58,7 @@ STYLE: Mapping[str, Any] = MappingProxyType(
         "axes.edgecolor": "#555555",
         "axes.grid": True,
         "axes.axisbelow": True,
-        "axes.prop_cycle": mpl.cycler(color=list(PALETTE.values())),
+        "axes.prop_cycle": cycler(color=list(PALETTE.values())),
         "grid.color": "#E3E3E3",
         "grid.linewidth": 0.6,
         "lines.solid_capstyle": "round",
