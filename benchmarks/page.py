@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING
 
 from anhyst.support.states import Command
 from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.dashboard.serving import make_server, reduce_latency
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import listen_on, make_server, reduce_latency
+from anhyst_rigs.dashboard.verb import listen_on
 from anhyst_rigs.rig.bench.pace import raised_priority
 from anhyst_rigs.study.bench import open_bench
 from rows import ROOT, Row

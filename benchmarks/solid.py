@@ -21,6 +21,7 @@ from anhyst.data import Loop
 from anhyst.data.speeds import group_by_speed
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
+from anhyst.support.figures import MEASURED_COLOUR, PALETTE
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import make_setup
 from anhyst_rigs.rig.drift import change_rig
@@ -281,7 +282,9 @@ def draw(path: Path, magnet: SolidMagnet) -> None:
     model = identify(magnet.measure_loops()).model
     gap = magnet.gaps[0]
     figure, (loop_axes, layer_axes) = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained")
-    for rate, colour in zip((0.5, 20.0, 100.0), ("0.6", "tab:blue", "tab:red"), strict=True):
+    for rate, colour in zip(
+        (0.5, 20.0, 100.0), (MEASURED_COLOUR, PALETTE["blue"], PALETTE["vermilion"]), strict=True
+    ):
         loop = magnet.cycle(rate, gap)
         predicted_force = model.predict(loop.input, gap, loop.time, "settled").output
         loop_axes.plot(loop.input, loop.output, color=colour, lw=2.5, alpha=0.5, label=f"{rate:g} Hz")
@@ -309,9 +312,10 @@ def _draw_layers(axes: object, model: Model, loop: Loop, gap: float) -> None:
         fields.append(memories[:-1, 0])
     clock = 1e3 * step * np.arange(loop.n)
     for layer, field in enumerate(np.array(fields)[-loop.n :].T):
-        name = "surface" if layer == 0 else "middle" if layer == model.layers.count - 1 else None
-        shade = 0.7 * layer / model.layers.count
-        axes.plot(clock, field, color=(shade, shade, 0.8), lw=1.4, label=name)
+        name = (
+            "surface" if layer == 0 else "middle" if layer == model.layers.count - 1 else f"layer {layer + 1}"
+        )
+        axes.plot(clock, field, color=list(PALETTE.values())[layer], lw=1.4, label=name)
     axes.set(xlabel="time, ms", ylabel="field in the layer, A/m (model's gauge)", title="50 Hz")
     axes.legend()
 

@@ -27,6 +27,7 @@ from anhyst.identification.objective import Objective
 from anhyst.identification.response import ParameterSet
 from anhyst.identification.screening import has_valid_scales, sample_cell_starts, scale_to_loops
 from anhyst.identification.space import CoordinateSpace
+from anhyst.support.figures import PALETTE
 from anhyst.support.numeric import FloatArray
 from rows import ROOT
 
@@ -97,12 +98,12 @@ def main(path: Path) -> None:
         is_near_best = end.cost < 1.05 * best_fit.cost
         axes.plot(
             *zip(start_point, end_point, strict=True),
-            color="white" if is_near_best else "tab:red",
+            color="white" if is_near_best else PALETTE["vermilion"],
             lw=0.5,
             alpha=0.7,
         )
-        axes.plot(*start_point, "o", mfc="none", mec="white" if is_near_best else "tab:red", ms=4)
-        axes.plot(*end_point, "o", color="white" if is_near_best else "tab:red", ms=4)
+        axes.plot(*start_point, "o", mfc="none", mec="white" if is_near_best else PALETTE["vermilion"], ms=4)
+        axes.plot(*end_point, "o", color="white" if is_near_best else PALETTE["vermilion"], ms=4)
     axes.set(xscale="log", yscale="log", xlim=np.exp(x[[0, -1]]), ylim=np.exp(y[[0, -1]]),
              xlabel="pinning over width of the curve, $k_1/a_1$",
              ylabel="drive for one width, parts of the largest")  # fmt: skip

@@ -21,7 +21,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst.support.units import QUANTITIES
 from anhyst_exchange.exporter import export_fmu
-from anhyst_rigs.dashboard.verb import open_prepared
+from anhyst_rigs.dashboard.serving import open_prepared
 from anhyst_rigs.link import firmware
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet

@@ -16,8 +16,9 @@ import pytest
 
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.dashboard.serving import make_server, open_prepared
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import listen_on, make_server, open_prepared
+from anhyst_rigs.dashboard.verb import listen_on
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.protocol import Bench

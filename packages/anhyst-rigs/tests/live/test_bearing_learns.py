@@ -11,7 +11,7 @@ import pytest
 
 from anhyst.support.block_words import GENERATION_INDEX, set_generation
 from anhyst.support.states import Command
-from anhyst_rigs.dashboard.verb import open_prepared
+from anhyst_rigs.dashboard.serving import open_prepared
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.drift import Drift, change_rig, drifted_file
 from anhyst_rigs.rig.fitting import calibrate_magnet

@@ -20,8 +20,8 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, State
 from anhyst_rigs.dashboard.generator import PeriodicWave
+from anhyst_rigs.dashboard.serving import open_prepared
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import open_prepared
 from anhyst_rigs.study import bench as opening
 from anhyst_rigs.study.bench import prepare_cached
 from anhyst_rigs.study.prepared_benches import PreparedPiezo

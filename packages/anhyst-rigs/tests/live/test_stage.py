@@ -11,8 +11,8 @@ import pytest
 from anhyst.support.states import Command
 from anhyst_rigs.dashboard.orders import perform
 from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.dashboard.serving import open_prepared
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import open_prepared
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward
 from anhyst_rigs.study.prepared_benches import PreparedStage

@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -40,6 +39,7 @@ from anhyst_rigs.study.benefit import STEP_METRICS, MethodComparison
 from anhyst_rigs.study.engine.table import Interval
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import GAP, OVERSHOOT, SHOWN, lag
+from tests.reports.colour_vision import VISIONS, seen_difference
 
 
 @pytest.fixture(scope="module", name="runs")
@@ -134,34 +134,11 @@ def test_texts_of_the_diagram_stay_in_their_boxes_and_do_not_overlap(
         assert not first.overlaps(second), (one.get_text(), two.get_text())
 
 
-# Machado, Oliveira and Fernandes (2009): linear RGB as seen with a colour deficiency.
-SIGHT: Mapping[str, list[list[float]]] = {
-    "normal": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-    "protanopia": [
-        [0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
-        [-0.003882, -0.048116, 1.051998],
-    ],
-    "deuteranopia": [
-        [0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
-        [-0.011820, 0.042940, 0.968881],
-    ],
-}  # fmt: skip
-
-
-def lab(colour: str, sight: str) -> np.ndarray:
-    rgb = np.array(mpl.colors.to_rgb(colour))
-    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    seen = np.clip(np.array(SIGHT[sight]) @ linear, 0.0, 1.0)
-    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    x, y, z = np.cbrt(np.maximum(np.array(to_xyz) @ seen / [0.9505, 1.0, 1.089], 1e-6))
-    return np.array([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
-
-
-@pytest.mark.parametrize("sight", list(SIGHT))
-def test_variants_are_reported_apart_by_colour_or_by_dash(sight: str) -> None:
+@pytest.mark.parametrize("vision", list(VISIONS))
+def test_variants_are_reported_apart_by_colour_or_by_dash(vision: str) -> None:
     for one, two in itertools.combinations(COLOURS, 2):
-        apart = float(np.linalg.norm(lab(COLOURS[one], sight) - lab(COLOURS[two], sight)))
-        assert apart > (20.0 if DASHES[one] == DASHES[two] else 8.0), (one, two, apart)
+        apart = seen_difference(COLOURS[one], COLOURS[two], vision)
+        assert apart > (12.0 if DASHES[one] == DASHES[two] else 7.0), (one, two, apart)
 
 
 def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: SimulationSubject) -> None:

@@ -11,10 +11,15 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import h11
 import uvicorn
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.responses import FileResponse
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -26,6 +31,19 @@ MIN_WAIT_S = 0.5
 
 MAX_WAITING = 32
 """Maximum number of connections that have waited longer. A browser opens six connections."""
+
+
+ASSETS_FOLDER = Path(__file__).parent / "assets"
+"""Folder with the files of the pages."""
+
+
+def page_routes(name: str) -> list[BaseRoute]:
+    """Return the routes for a page and its files."""
+
+    async def page(_request: object) -> FileResponse:
+        return FileResponse(ASSETS_FOLDER / name)
+
+    return [Route("/", page), Mount("/assets", GZipMiddleware(StaticFiles(directory=ASSETS_FOLDER)))]
 
 
 def make_quiet_server(app: ASGIApp, **options: Any) -> uvicorn.Server:

@@ -10,20 +10,17 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from enum import IntEnum
-from pathlib import Path
 from typing import Any, TypeVar
 
 from starlette.applications import Starlette
-from starlette.middleware.gzip import GZipMiddleware
-from starlette.responses import FileResponse
-from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from anhyst.support.atomic import to_json_value
 from anhyst.support.errors import InputError
 from anhyst.support.states import Fault, Phase, State
 from anhyst_rigs.dashboard.browsers import MessageRateLimit, RequestGuard, RowQueue, encode_frame
+from anhyst_rigs.dashboard.connections import page_routes
 from anhyst_rigs.dashboard.derived import DerivedSignal
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, WAVE_SHAPES
 from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameters, perform
@@ -123,8 +120,6 @@ def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
 def _enum_names(kind: type[IntEnum]) -> dict[str, str]:
     return {str(int(member)): member.name.lower().replace("_", " ") for member in kind}
 
-
-ASSETS_FOLDER = Path(__file__).with_name("assets")
 
 MAX_MESSAGE_BYTES = 16 * 1024
 """Maximum size of a message from a page, bytes."""
@@ -353,15 +348,6 @@ class LiveServer:
 
     async def _run_between_chunks(self, act: Callable[[], _Result]) -> _Result:
         return await asyncio.to_thread(self.session.run_between_chunks, act)
-
-
-def page_routes(name: str) -> list[BaseRoute]:
-    """Return the routes for a page and its files."""
-
-    async def page(_request: object) -> FileResponse:
-        return FileResponse(ASSETS_FOLDER / name)
-
-    return [Route("/", page), Mount("/assets", GZipMiddleware(StaticFiles(directory=ASSETS_FOLDER)))]
 
 
 async def _receive_message(socket: WebSocket) -> dict[str, Any]:

@@ -16,10 +16,10 @@ from starlette.applications import Starlette
 from starlette.responses import JSONResponse
 from starlette.routing import Route
 
+from anhyst.support.jobs import listen_to_steps
 from anhyst.support.wording import word_for_reader
 from anhyst_rigs.dashboard.browsers import RequestGuard, allowed_host_names
-from anhyst_rigs.dashboard.connections import make_quiet_server
-from anhyst_rigs.dashboard.server import page_routes
+from anhyst_rigs.dashboard.connections import make_quiet_server, page_routes
 
 _OPEN_PAGE_AGE_S = 2.0
 """A page counts as open up to this age of its last request, s."""
@@ -36,8 +36,13 @@ class StartProgress:
         self.share = 0.0
         self.error = ""
         self._start_time = time.monotonic()
+        self._steps: list[tuple[str, float]] = []  # work of each step, and the time at which it began, s
         self._last_request_time = float("-inf")
         self._is_error_delivered = Event()
+
+    def begin_step(self, work: str) -> None:
+        """Add the next step; the previous one has ended."""
+        self._steps.append((work, time.monotonic()))
 
     def update(self, completed: float, total: float) -> None:
         """Set the progress from the completed and the total work."""
@@ -57,7 +62,13 @@ class StartProgress:
     async def _reply(self, _request: object) -> JSONResponse:
         self._last_request_time = time.monotonic()
         reply = {name: getattr(self, name) for name in ("title", "work", "share", "error")}
-        reply["seconds"] = self._last_request_time - self._start_time
+        now = self._last_request_time
+        reply["seconds"] = now - self._start_time
+        steps = tuple(self._steps)
+        ends = [*(begin for _, begin in steps[1:]), now]
+        reply["steps"] = [
+            {"work": work, "seconds": end - begin} for (work, begin), end in zip(steps, ends, strict=False)
+        ]
         if reply["error"]:
             self._is_error_delivered.set()
         return JSONResponse(reply)
@@ -74,7 +85,8 @@ def serve_start_page(listening_socket: socket.socket, title: str, work: str) -> 
     thread = Thread(target=server.run, args=([page_socket],), name="anhyst-start", daemon=True)
     thread.start()
     try:
-        yield progress
+        with listen_to_steps(progress.begin_step):
+            yield progress
     except Exception as error:
         progress.fail(word_for_reader(str(error)))
         raise

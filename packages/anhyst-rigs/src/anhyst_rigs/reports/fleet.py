@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.support.atomic import PathLike
+from anhyst.support.figures import FALLING_COLOUR, RISING_COLOUR
 from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, make_table
 from anhyst_rigs.reports.study.page import page_text, picture, write_page
 from anhyst_rigs.study.fleet import Fleet
@@ -81,8 +82,16 @@ def _scatter_section(fleet: Fleet) -> Section:
     for index in range(len(fleet.quantities)):
         percent_deviation = 100.0 * (values[:, index] - spread.mean[index]) / scale[index]
         is_outlier = spread.outlier
-        ax.plot(percent_deviation[~is_outlier], np.full((~is_outlier).sum(), index), "|", ms=9, color="C0")
-        ax.plot(percent_deviation[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color="C3")
+        ax.plot(
+            percent_deviation[~is_outlier],
+            np.full((~is_outlier).sum(), index),
+            "|",
+            ms=9,
+            color=RISING_COLOUR,
+        )
+        ax.plot(
+            percent_deviation[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color=FALLING_COLOUR
+        )
     ax.set_yticks(range(len(fleet.quantities)), fleet.quantities, fontsize="small")
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)

@@ -14,6 +14,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.figures import (
     FALLING_COLOUR,
     MEASURED_COLOUR,
+    PALETTE,
     RISING_COLOUR,
     new_figure,
     use_report_style,
@@ -130,7 +131,7 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
 
 
 DEMAND_COLOUR = "#C4C4C4"
-SIMULATED_COLOUR = "#F0E442"
+SIMULATED_COLOUR = PALETTE["light blue"]
 _DRAWN_ERRORS: Mapping[str, MethodName] = {
     "full": "full",
     "at-rest": "at-rest",

@@ -10,6 +10,7 @@ from anhyst.support.atomic import check_writable
 from anhyst.support.figures import new_figure, use_report_style, write_svg
 from anhyst.support.page import NBSP, Headline, PageTable, Section
 from anhyst_rigs.reports.study.page import (
+    COLOURS,
     TerminalSummary,
     comparison_tile,
     file_hashes,
@@ -25,7 +26,7 @@ from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.study.engine.table import Interval
 from anhyst_rigs.study.piezo import COMPENSATION_TITLES, DEVIATION_METRICS, PiezoTracking, simulate_tracking
 
-COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
+_COLOURS = {"none": COLOURS["ratio"], "single-valued": COLOURS["single-valued"], "full": COLOURS["full"]}
 
 
 @use_report_style
@@ -40,7 +41,7 @@ def figure_tracking(tracked: PiezoTracking) -> Figure:
     position_ax.set_ylabel("reference (µm)")
     for name, run in tracked.runs.items():
         label = f"{COMPENSATION_TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
-        error_ax.plot(time, 1e9 * run["error_m"][evaluated_ticks], color=COLOURS[name], lw=1.0, label=label)
+        error_ax.plot(time, 1e9 * run["error_m"][evaluated_ticks], color=_COLOURS[name], lw=1.0, label=label)
     error_ax.set(xlabel="time (s)", ylabel="deviation (nm)")
     legend_below(figure, error_ax, columns=3)
     return figure

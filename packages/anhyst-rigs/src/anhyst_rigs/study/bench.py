@@ -25,7 +25,7 @@ from anhyst.support.atomic import PathLike, cache_folder, core_folder
 from anhyst.support.block_words import Scales
 from anhyst.support.cache import code_digest, load_cached, pickle_with_digest, remove_oldest
 from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress, map_ordered, split_progress
+from anhyst.support.jobs import Progress, begin_step, map_ordered, split_progress
 from anhyst.support.kinds import COMPILED_FOLDER, MethodName, require_capability, require_kind
 from anhyst.support.toml_file import require_rig
 from anhyst_rigs.link.firmware import firmware_folder
@@ -77,15 +77,6 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
     """Open the bench of a stand-alone controller."""
     manifest = _read_manifest(folder)
     return HardwareBench(lambda: XcpMaster(url), manifest)
-
-
-def controller_url(xcp: str | None, port: str | None) -> str | None:
-    """Return the XCP URL of a controller (TCP or serial); None if neither is given."""
-    if xcp is not None and port is not None:
-        raise InputError(
-            "--port: one controller at a time; omit --port or --xcp", code="options-together", key="--port"
-        )
-    return port if xcp is None else f"socket://{xcp}"
 
 
 def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
@@ -183,11 +174,14 @@ def prepare_bearing(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedBearing:
     """Identify the magnet of a bearing, and build the firmware of its controller."""
-    part_progress = split_progress(progress, (1.0, 1.0))
+    part_progress = split_progress(progress, (1.0, 9.0, 4.0))
+    begin_step("read the rig, the controller and the loops")
     rig, controller = read_files(rig_path, controller_path)
     inputs = check_inputs(rig, controller)
     next(part_progress)(1, 1)
+    begin_step("identify the magnet" if inputs.model is None else "read the model of the magnet")
     knowledge = inputs.identify_magnet()
+    next(part_progress)(1, 1)
     setup, firmware = build_firmware(inputs.rig, controller, knowledge, "library", folder)
     next(part_progress)(1, 1)
     return PreparedBearing(setup, knowledge.model, firmware)
@@ -197,14 +191,15 @@ def prepare_force(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedForce:
     """Identify the actuator of a rig, and build the firmware that controls its force."""
-    part_progress = split_progress(progress, (1.0, 1.0))
+    part_progress = split_progress(progress, (1.0, 9.0, 4.0))
+    begin_step("read the rig and the loops")
     rig = read_rig(rig_path)
     loops = read_rig_loops(rig)
     rig = complete_rig(rig, loops)
     next(part_progress)(1, 1)
-    program = build_program(
-        "full", identify_force_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
-    )
+    begin_step("identify the actuator")
+    model = identify_force_model(rig, loops, next(part_progress))
+    program = build_program("full", model, rig.settings.timing.rate_Hz, "library", folder / "full")
     next(part_progress)(1, 1)
     return PreparedForce(rig, loops, program)
 
@@ -218,10 +213,13 @@ def prepare_stage(
 ) -> PreparedStage:
     """Identify the magnets of a stage, and find the feedforward gains of both methods."""
     part_progress = split_progress(progress, (2.0, 1.0))
+    begin_step("read the rig")
     rig = read_stage(rig_path)
     check_calibration(rig)
+    begin_step("identify the magnets")
     magnet = identify_stage_magnet(rig)
     next(part_progress)(1, 1)
+    begin_step("find the feedforward gains")
     setups = [make_stage(rig, magnet, method) for method in SWITCHED_METHODS]
     scan = rig.settings.scan
     training = scan_motion(scan, scan.train_m_per_s2)
@@ -233,7 +231,9 @@ def prepare_piezo(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedPiezo:
     """Identify two inverses of a piezo stage: single-valued and with hysteresis."""
+    begin_step("read the rig")
     rig = read_piezo_rig(rig_path)
+    begin_step("identify the inverses")
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
 
@@ -249,6 +249,7 @@ def prepare_cached(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
     """Prepare a bench, or load it from the cache if the same files were prepared before."""
+    begin_step("search the cache of prepared rigs")
     bench_kind = _bench_kind(rig_path, controller_path)
     # The hash does not cover the code of other packages.
     is_cacheable = bench_kind.prepare.__module__.startswith("anhyst_rigs.")

@@ -21,7 +21,7 @@ from anhyst.model.prediction import describe_fast_drives
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike, atomic_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, map_ordered, split_progress
+from anhyst.support.jobs import Progress, begin_step, map_ordered, split_progress
 from anhyst.support.kinds import MethodName
 from anhyst.support.result import rows_to_columns
 from anhyst.verification.result import Verification
@@ -223,6 +223,7 @@ def _compiled_methods(model: Model) -> tuple[MethodName, ...]:
 
 def build_program(name: MethodName, model: Model, rate: float, board: str, folder: Path) -> Program:
     """Compile a model, and build a firmware with it."""
+    begin_step("compile the controller")
     kind: Kind = "simplified" if name == "simplified" else "full"
     model = model if name == "full" else model.at_rest
     folder.mkdir(parents=True, exist_ok=True)
@@ -230,6 +231,7 @@ def build_program(name: MethodName, model: Model, rate: float, board: str, folde
     compiled = compile_model(folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate))
     block = compiled.plan.block
     assert isinstance(block, Block)
+    begin_step("build the firmware")
     return Program(
         kind=kind,
         name=name,

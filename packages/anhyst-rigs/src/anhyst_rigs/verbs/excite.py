@@ -128,8 +128,9 @@ def excite(
     """
     from anhyst.support.atomic import check_path, check_picture, write_figure
     from anhyst.support.errors import InputError
+    from anhyst_rigs.link.wire import controller_url
     from anhyst_rigs.reports.excitation import figure_excitation, figure_response
-    from anhyst_rigs.study.bench import controller_url, measure_through_board
+    from anhyst_rigs.study.bench import measure_through_board
     from anhyst_rigs.study.excite.excite import excite as work
     from anhyst_rigs.study.excite.voltage import measure_voltage
     from anhyst_rigs.study.response.virtual import excite_loop

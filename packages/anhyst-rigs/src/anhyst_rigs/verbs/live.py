@@ -26,6 +26,7 @@ def live(
     listen: str = "127.0.0.1:8642",
     token: bool = False,
     progress: Progress | None = None,
+    opened: Callable[[str, str], None] | None = None,
     started: Callable[[str, str], None] | None = None,
 ) -> RecordingFile | None:
     """Show, operate and record a running rig in a browser.
@@ -59,8 +60,11 @@ def live(
         Accept only browsers that send a token, which the command prints.
     progress : callable, optional
         Called with the work done and the total work while the rig is opened.
+    opened : callable, optional
+        Called with the address of the page and the token, which may be empty, before the rig is
+        opened. The page shows the steps of the start.
     started : callable, optional
-        Called with the address of the page and the token, which may be empty.
+        Called with the same values when the rig runs.
 
     Returns
     -------
@@ -93,13 +97,18 @@ def live(
 
     return work(
         rig, controller, xcp=xcp, port=port, known=known, record=record, listen=listen,
-        token=token, progress=progress, started=started,
+        token=token, progress=progress, opened=opened, started=started,
     )  # fmt: skip
 
 
-def show_started(address: str, token: str) -> list[str]:
-    """Return what the terminal shows while the command runs: the address and the token."""
+def show_opened(address: str, token: str) -> list[str]:
+    """Return the output when the page is open: the address and the token."""
     return [*([f"token: {token}"] if token else []), f"{address}  ctrl-C ends it"]
+
+
+def show_started(_address: str, _token: str) -> list[str]:
+    """Return the output when the rig runs."""
+    return ["the rig runs"]
 
 
 def show(result: RecordingFile | None, _: Mapping[str, Any]) -> list[str]:

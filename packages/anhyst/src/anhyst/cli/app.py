@@ -80,7 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     saved_text = ""
     start_printing()
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # Windows code pages lack some characters
+        # Windows code pages lack some characters. The reader of a pipe receives each line immediately.
+        sys.stdout.reconfigure(errors="replace", line_buffering=True)
     try:
         with use_command_line_wording():
             code = _run_verb(arguments)

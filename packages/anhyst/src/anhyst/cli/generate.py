@@ -29,6 +29,7 @@ from anhyst.cli.shared import (
     Verbose,
     check_file_kind,
     print_parts,
+    print_steps,
     print_warning,
     print_with_warnings,
     progress_bar,
@@ -41,7 +42,7 @@ Arguments = Mapping[str, Any]
 """Arguments of a command, as they are passed to its function."""
 
 _READING_PARAMETERS = inspect.signature(read_options).parameters
-_CALLBACK_NAMES = frozenset({"progress", "started"})
+_CALLBACK_NAMES = frozenset({"progress", "opened", "started"})
 """Parameters that the command line supplies itself."""
 _SHARED_TEXT_MARK = "as of `read_loops`"
 """Type field of a parameter that takes its help from the options for reading files."""
@@ -55,8 +56,9 @@ class Verb:
     the title of the progress bar. ``preview`` returns the output before the work, and ``show`` the
     output of the result. ``warnings`` returns the texts for standard error, ``as_json`` the
     result for ``--json``. ``refuse`` raises an error if the result, which has been shown, is
-    negative. ``stopped`` returns the message after Ctrl-C. ``show_started`` returns the output when
-    a command that runs until Ctrl-C has started.
+    negative. ``stopped`` returns the message after Ctrl-C. A command that runs until Ctrl-C defines
+    ``show_started``, which returns the output when it has started, and can define ``show_opened``,
+    which returns the output before a long start.
     """
 
     name: str
@@ -271,14 +273,18 @@ def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any
 
 
 def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:
-    """Call the function, and show a progress bar until it ends or reports that it has started."""
+    """Call the function, and show its progress until it ends or reports that it has started."""
     parameters = inspect.signature(verb.function).parameters
     with ExitStack() as exit_stack:
         callbacks: dict[str, Any] = {}
         if "progress" in parameters:
             title = getattr(verb.module, "PROGRESS", verb.command)
             callbacks["progress"] = exit_stack.enter_context(progress_bar(title))
+        if "opened" in parameters:
+            callbacks["opened"] = lambda *values: print_parts(*verb.module.show_opened(*values))
         if verb.is_endless:
+            if not sys.stdout.isatty():
+                exit_stack.enter_context(print_steps())
 
             def started(*values: Any) -> None:
                 exit_stack.close()  # removes the progress bar

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 import typer
 
 from anhyst.cli.printing import WIDTH, TerminalTable, printer, wrap_sentence
-from anhyst.support.jobs import Progress
+from anhyst.support.jobs import Progress, listen_to_steps
 
 if TYPE_CHECKING:
     from anhyst.support.page import PageTable
@@ -152,7 +152,8 @@ def _show_bar(title: str) -> Iterator[Progress]:
 
     estimate = ProgressEstimate()
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[pace]}"))
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    bar = Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty())
+    with bar:
         task = bar.add_task(title, total=1.0, pace=estimate)
 
         def update(done: float, total: float) -> None:
@@ -179,3 +180,19 @@ def _print_lines(title: str) -> Iterator[Progress]:
     finally:
         has_finished.set()
         printer_thread.join()
+
+
+@contextmanager
+def print_steps() -> Iterator[None]:
+    """Print each step of the work with its time as soon as it has ended."""
+    running: list[tuple[str, float]] = []  # the step that runs, and the time at which it began, s
+
+    def end_step(next_work: str = "") -> None:
+        now = time.monotonic()
+        for work, begin in running:
+            print(f"{work}: {now - begin:.1f} s")
+        running[:] = [(next_work, now)]
+
+    with listen_to_steps(end_step):
+        yield
+    end_step()

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import matplotlib as mpl
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -18,10 +19,24 @@ from anhyst.support.atomic import PathLike, write_bytes
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# Okabe-Ito colours: distinct for all kinds of colour vision, and in greyscale.
-RISING_COLOUR = "#0072B2"
-FALLING_COLOUR = "#D55E00"
-MODEL_COLOUR = "#0072B2"
+PALETTE: Mapping[str, str] = MappingProxyType(
+    {
+        "blue": "#0072B2",
+        "vermilion": "#D55E00",
+        "green": "#009E73",
+        "pink": "#CC79A7",
+        "orange": "#E69F00",
+        "light blue": "#56B4E9",
+        "slate": "#486060",
+        "rust": "#903018",
+    }
+)
+"""Colours of lines: six of Okabe and Ito, and two that remain distinct from them in all kinds of
+colour vision. The live page has the same colours in `colours.js`.
+"""
+RISING_COLOUR = PALETTE["blue"]
+FALLING_COLOUR = PALETTE["vermilion"]
+MODEL_COLOUR = PALETTE["blue"]
 MEASURED_COLOUR = "#8C8C8C"
 ALARM_COLOUR = "#B00020"
 FAINT_COLOUR = "#D9D9D9"
@@ -43,6 +58,7 @@ STYLE: Mapping[str, Any] = MappingProxyType(
         "axes.edgecolor": "#555555",
         "axes.grid": True,
         "axes.axisbelow": True,
+        "axes.prop_cycle": cycler(color=list(PALETTE.values())),
         "grid.color": "#E3E3E3",
         "grid.linewidth": 0.6,
         "lines.solid_capstyle": "round",

@@ -1,4 +1,4 @@
-"""Apply a function to many inputs in parallel, with progress reports.
+"""Apply a function to many inputs in parallel; report the progress and the steps of long work.
 
 The work runs in processes of this machine, or on a cluster of dask.distributed.
 """
@@ -39,6 +39,26 @@ def split_progress(progress: Progress | None, weights: Sequence[float]) -> Itera
         return update
 
     return map(part_progress, range(len(weights)))
+
+
+_step_listeners: ContextVar[tuple[Callable[[str], None], ...]] = ContextVar("step listeners", default=())
+"""Functions that are called with the work of each step when it begins."""
+
+
+def begin_step(work: str) -> None:
+    """Report to all listeners of this context that the next step of long work begins."""
+    for listener in _step_listeners.get():
+        listener(work)
+
+
+@contextmanager
+def listen_to_steps(listener: Callable[[str], None]) -> Iterator[None]:
+    """Call a function with the work of each step that begins in this context."""
+    token = _step_listeners.set((*_step_listeners.get(), listener))
+    try:
+        yield
+    finally:
+        _step_listeners.reset(token)
 
 
 A = TypeVar("A")

@@ -1,6 +1,6 @@
 // Colours of signals, and those of the theme.
 
-// Okabe-Ito colours, which all kinds of colour vision can distinguish, on white and on black.
+// The palette of all figures: figures.py defines it, and states why all kinds of colour vision can distinguish it.
 export const COLOURS = [
   "#0072b2",
   "#d55e00",
@@ -8,9 +8,10 @@ export const COLOURS = [
   "#cc79a7",
   "#e69f00",
   "#56b4e9",
-  "#8c8c8c",
-  "#b8a800",
+  "#486060",
+  "#903018",
 ];
+export const [BLUE, VERMILION, GREEN] = COLOURS;
 
 // Dashes of a line, in pixels along the time axis: [period, drawn part]. The first colours are solid.
 const DASHES = [null, [14, 9], [6, 3]];

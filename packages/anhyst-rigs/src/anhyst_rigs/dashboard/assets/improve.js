@@ -1,13 +1,13 @@
 // The improve view: a button for each of measure, identify, compile and swap, with its result.
 
 import { Plane, limits } from "./canvas.js";
-import { ink } from "./colours.js";
+import { BLUE, VERMILION, ink } from "./colours.js";
 import { download, field, make, refuse } from "./dom.js";
 import { words } from "./names.js";
 import { Watch } from "./watch.js";
 
-const OLD_MODEL_COLOUR = "#d55e00";
-const NEW_MODEL_COLOUR = "#0072b2";
+const OLD_MODEL_COLOUR = VERMILION;
+const NEW_MODEL_COLOUR = BLUE;
 const LIMITS = [
   ["current_A", "current", "A"],
   ["rate_A_per_s", "rate", "A/s"],

@@ -1,6 +1,7 @@
 // Panels that show signals: plot over time, loop of two signals, number, gauge and table.
 
 import { Plane, atLeast, limits } from "./canvas.js";
+import { VERMILION } from "./colours.js";
 import { make } from "./dom.js";
 import { columnOf, hint, leastSpan, reading } from "./signals.js";
 import { TimePlot } from "./timeplot.js";
@@ -82,7 +83,7 @@ export function loop({ bench, store, scope }, settings, save) {
     plane.labels = [x, y].map(({ signal, name }) => [signal.label, name].filter(Boolean).join(" / "));
     plane.begin([x, y].flatMap(({ values, least }) => atLeast(limits(values), least)));
     plane.line(x.values, y.values, y.signal.colour, 1.5);
-    if (x.values.length) plane.dot(x.values.at(-1), y.values.at(-1), "#d55e00");
+    if (x.values.length) plane.dot(x.values.at(-1), y.values.at(-1), VERMILION);
   }, 50);
   return {
     element: figure,

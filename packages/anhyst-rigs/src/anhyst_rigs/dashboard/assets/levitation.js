@@ -1,6 +1,7 @@
 // The levitation view: position and position noise of the armature in large type.
 
 import { Plane, limits } from "./canvas.js";
+import { BLUE } from "./colours.js";
 import { make } from "./dom.js";
 import { words } from "./names.js";
 import { columnOf } from "./signals.js";
@@ -93,7 +94,7 @@ export class LevitationView {
     }
     this.drawn = { times, errors };
     this.plane.begin([times[0], times.at(-1), ...limits(errors)]);
-    this.plane.line(times, errors, "#0072b2", 1);
+    this.plane.line(times, errors, BLUE, 1);
     const mean = errors.reduce((sum, one) => sum + one, 0) / errors.length;
     const rms = Math.sqrt(errors.reduce((sum, one) => sum + (one - mean) ** 2, 0) / errors.length);
     this.standstill = stood ? rms : null;

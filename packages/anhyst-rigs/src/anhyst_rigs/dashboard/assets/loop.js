@@ -2,7 +2,7 @@
 // plot shows the difference from the controller's demand, against the demand.
 
 import { Plane, atLeast, limits } from "./canvas.js";
-import { ink } from "./colours.js";
+import { BLUE, GREEN, VERMILION, ink } from "./colours.js";
 import { field, make, select } from "./dom.js";
 import { words } from "./names.js";
 import { columnOf, leastSpan } from "./signals.js";
@@ -103,21 +103,21 @@ export class LoopView {
         for (const [n, { kind, current, force }] of known.entries()) {
           if (kind !== one) continue;
           const near = away[n] <= least;
-          const [colour, width] = kind === "model" ? ["#009e73", 1] : [ink("--soft"), 3];
+          const [colour, width] = kind === "model" ? [GREEN, 1] : [ink("--soft"), 3];
           this.loop.line(current, force, colour, width, near ? 0.9 : 0.2);
         }
       }
     });
-    this.loop.line(currents, forces, "#0072b2", 2);
-    this.loop.dot(currents.at(-1), forces.at(-1), "#d55e00");
+    this.loop.line(currents, forces, BLUE, 2);
+    this.loop.dot(currents.at(-1), forces.at(-1), VERMILION);
   }
 
   #drawError(wanted, forces) {
     const errors = forces.map((force, i) => (force - wanted[i]) * this.fine.factor);
     const demands = wanted.map((one) => one * this.shown.factor);
     this.error.begin([...limits(demands), ...limits(errors)]);
-    this.error.line(demands, errors, "#0072b2", 1.5);
-    this.error.dot(demands.at(-1), errors.at(-1), "#d55e00");
+    this.error.line(demands, errors, BLUE, 1.5);
+    this.error.dot(demands.at(-1), errors.at(-1), VERMILION);
     const rms = Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length);
     this.note.textContent = `${this.name} − demand: rms ${Number(rms.toPrecision(3))} ${this.fine.name}`;
   }

@@ -1,7 +1,7 @@
 // The spectrum view: amplitude spectral density of a signal, and its value at the cursor.
 
 import { Plane } from "./canvas.js";
-import { ink } from "./colours.js";
+import { BLUE, VERMILION, ink } from "./colours.js";
 import { field, make, select } from "./dom.js";
 import { WINDOWS, density } from "./fft.js";
 import { columnOf } from "./signals.js";
@@ -80,7 +80,7 @@ export class SpectrumView {
     const lowest = Math.max(Math.min(...ys), Math.log10(top) - 8);
     this.plane.labels[1] = `${name || "1"}/√Hz`;
     this.plane.begin([xs[0], xs.at(-1), lowest - 0.2, Math.log10(top) + 0.3]);
-    this.plane.line(xs, ys, "#0072b2", 1.2);
+    this.plane.line(xs, ys, BLUE, 1.2);
     this.note.textContent =
       `${Number((rate / length).toPrecision(3))} Hz apart, ` +
       `rms ${Number((factor * rms(found, rate / length)).toPrecision(4))} ${name}`;
@@ -103,7 +103,7 @@ export class SpectrumView {
     const step = frequencies[0];
     const at = Math.min(frequencies.length, Math.max(1, Math.round(this.#cursor / step))) - 1;
     this.plane.line([xs[at], xs[at]], [-99, 99], ink("--ink"), 1);
-    this.plane.dot(xs[at], ys[at], "#d55e00");
+    this.plane.dot(xs[at], ys[at], VERMILION);
     const value = Number(scaled[at].toPrecision(4));
     this.reading.textContent = `${Number(frequencies[at].toPrecision(6))} Hz: ${value} ${name || "1"}/√Hz`;
   }

@@ -1,7 +1,7 @@
 // The step view: overlays the last steps, coloured by active parameters, with their overshoot, rise and settling times.
 
 import { Plane } from "./canvas.js";
-import { COLOURS } from "./colours.js";
+import { COLOURS, ink } from "./colours.js";
 import { make } from "./dom.js";
 import { show } from "./units.js";
 
@@ -51,7 +51,7 @@ export class StepView {
     if (steps === this.#shown && key === this.#key) return;
     [this.#shown, this.#key] = [steps, key];
     this.plane.begin([-5, 60, -20, 150]);
-    this.plane.line([-5, 0, 0, 60], [0, 0, 100, 100], "#8c8c8c", 1);
+    this.plane.line([-5, 0, 0, 60], [0, 0, 100, 100], ink("--soft"), 1);
     const labels = [...new Set(steps.map((step) => step.label))];
     for (const step of steps) {
       const colour = COLOURS[labels.indexOf(step.label) % COLOURS.length];

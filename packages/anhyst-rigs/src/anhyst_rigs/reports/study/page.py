@@ -18,7 +18,7 @@ from matplotlib.text import Text
 
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.figures import FALLING_COLOUR, RISING_COLOUR, new_figure, svg_text
+from anhyst.support.figures import FALLING_COLOUR, PALETTE, RISING_COLOUR, new_figure, svg_text
 from anhyst.support.kinds import METHOD_TITLES, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (
@@ -52,18 +52,18 @@ INK_COLOUR = "#000000"
 SHADE_COLOUR = "#8C8C8C"
 PALE_COLOUR = "#C4C4C4"
 
-# These are Okabe-Ito colours, and dashes for prints without colour.
+# The dashes are for prints without colour.
 _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
     "ratio": (FALLING_COLOUR, "-"),
-    "secant": ("#7A4B21", (0, (1, 1))),
-    "linearised": ("#E69F00", (0, (6, 1.5))),
-    "single-valued": ("#CC79A7", (0, (3, 1))),
-    "play": ("#882255", (0, (4, 1, 1, 1, 1, 1))),
-    "simplified": ("#009E73", (0, (6, 1.5, 1, 1.5))),
-    "at-rest": ("#8C8C8C", (0, (5, 2))),
+    "secant": (SHADE_COLOUR, (0, (1, 1))),
+    "linearised": (PALETTE["orange"], (0, (6, 1.5))),
+    "single-valued": (PALETTE["pink"], (0, (3, 1))),
+    "play": (PALETTE["rust"], (0, (4, 1, 1, 1, 1, 1))),
+    "simplified": (PALETTE["green"], (0, (6, 1.5, 1, 1.5))),
+    "at-rest": (PALETTE["slate"], (0, (5, 2))),
     "full": (RISING_COLOUR, "-"),
-    "flux": ("#56B4E9", (0, (2, 1, 1, 1))),
-    "fused": ("#6A3D9A", (0, (8, 1))),
+    "flux": (PALETTE["light blue"], (0, (2, 1, 1, 1))),
+    "fused": ("#000060", (0, (8, 1))),
 }
 COLOURS = {name: colour for name, (colour, _) in _LINE_STYLES.items()}
 DASHES = {name: dashes for name, (_, dashes) in _LINE_STYLES.items()}

@@ -335,11 +335,6 @@ def _parameter(variable: Variable, value: float) -> Parameter:
     return Parameter(variable.name, variable.unit, low, high, variable.doc, value)
 
 
-def is_description(path: Path) -> bool:
-    """Whether a file describes the variables of a firmware: an A2L file or an ELF file."""
-    return path.suffix.lower() == ".a2l" or is_elf(path)
-
-
 def open_foreign(path: Path, url: str) -> ForeignBench:
     """Open the bench of an XCP slave whose variables an A2L file or an ELF file describes."""
     description = read_elf(path) if is_elf(path) else read_a2l(path)

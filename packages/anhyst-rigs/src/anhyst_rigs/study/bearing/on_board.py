@@ -21,7 +21,7 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, split_progress
+from anhyst.support.jobs import Progress, begin_step, split_progress
 from anhyst.support.states import State
 from anhyst_rigs.link.firmware import build, check_compiler
 from anhyst_rigs.link.virtual_boards import find_qemu
@@ -178,6 +178,7 @@ def build_firmware(
     rig: BodyRig, controller: ControllerFile, knowledge: IdentifiedMagnet, board: str, folder: Path
 ) -> tuple[BearingSetup, Path]:
     """Compile the controller of a rig, and build it into the firmware of a board."""
+    begin_step("compile the controller")
     model = folder / "model.toml"
     controller_table = controller.settings
     variant = controller_table.compensation.variant
@@ -197,4 +198,5 @@ def build_firmware(
             "enter [converter], and [pair] if there is a second magnet",
             code="controller-and-rig-differ",
         )
+    begin_step("build the firmware")
     return setup, build(board, folder / "c", folder / "firmware")
