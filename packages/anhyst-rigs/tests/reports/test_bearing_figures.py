@@ -176,7 +176,7 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: Simu
     for line, name in zip(ax.lines[1:], SHOWN, strict=True):
         position = np.asarray(line.get_ydata())
         assert position.max() == pytest.approx(10.0 + OVERSHOOT[name][0][0] / 10.0, abs=0.05)
-        assert np.asarray(line.get_xdata())[0] == pytest.approx(-2.0)
+        assert np.asarray(line.get_xdata())[0] == pytest.approx(-3.0)
     for line, name in zip(below.lines[: len(SHOWN)], SHOWN, strict=True):
         off = np.asarray(line.get_ydata())
         assert off.max() == pytest.approx(OVERSHOOT[name][0][0], abs=0.5)

@@ -292,7 +292,7 @@ def judge_stages(summary: Summary) -> Judgement:
     """Compare the worst error of ``full`` in every group of trials with the strongest baseline."""
     compared = [
         ComparedFigure(
-            stage_name,
+            STAGE_TITLES[stage_name],
             CONTROLLER_TITLES[name],
             summary[stage_name]["full"]["worst_percent"],
             summary[stage_name][name]["worst_percent"],
