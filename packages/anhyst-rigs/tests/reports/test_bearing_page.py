@@ -181,7 +181,7 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
     text = page.text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "Not worth it here. Full against the strongest baseline without hysteresis model, more: "
-        "overshoot 1.2 of 'single-valued'; alike within the noise: overshoot" in text
+        "overshoot 1.2 times that of 'single-valued'; alike within the noise: overshoot" in text
     )
     assert "60 % less +2.1 points" in text  # compared with ratio, in the table below
 

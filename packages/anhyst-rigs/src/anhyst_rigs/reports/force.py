@@ -270,7 +270,7 @@ def _error_tiles(result: ForceControl) -> tuple[Tile, ...]:
         if trial["demand"] == fastest_demand and trial["stage"] != "moving"
     )
     errors = worst_errors(fixed_trials, lambda _: fastest_demand)[fastest_demand]
-    detail = f"worst error, {fastest_demand}, armature fixed, % of {result.figures['force_max_N']:g} N"
+    detail = f"worst error for the demand “{fastest_demand}”, % of {result.figures['force_max_N']:g} N"
     return tuple(
         Tile(f"{format_number(errors[name]['worst_percent'], 2)}{NBSP}%", CONTROLLER_TITLES[name], detail)
         for name in ("full", "single", "ratio")

@@ -156,8 +156,8 @@ CONTROLLER_TITLES: Mapping[str, str] = {
 }
 """Titles of the controllers in tables; the best controller is first."""
 STAGE_TITLES: Mapping[str, str] = {
-    "end": "stroke's end, after the start-up sequence",
-    "end_demagnetised": "stroke's end, from demagnetised",
+    "end": "stroke's end (after the start-up sequence)",
+    "end_demagnetised": "stroke's end (from demagnetised)",
     "positions": "row of positions",
     "moving": "armature moving",
 }

@@ -65,7 +65,8 @@ def make_headline(subject: ModelSubject) -> Headline:
             "in the file."
         )
         notes.insert(0, Note("warn", "Without measurements", text))
-    verdict, *other_notes = (*verdict_notes(subject), *notes, acceptance_note(subject))
+    all_notes = (*verdict_notes(subject), *notes, acceptance_note(subject))
+    verdict, *other_notes = sorted(all_notes, key=lambda note: note.tone != "bad")
     basis_text, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
         schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
@@ -128,20 +129,19 @@ def _make_tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation_scale
     if fit is None:
         return ()
-    errors = {"mean deviation": fit.mean_abs, "worst point": fit.worst}
     basis = f"of {subject.full_scale_text}"
     tiles = [
         Tile(scale.format_with_unit(error), name, f"{subject.percent_of_largest(error)} {basis}")
-        for name, error in errors.items()
+        for name, error in (("mean deviation", fit.mean_abs), ("worst point", fit.worst))
     ]
-    if subject.measurements is not None and subject.measurements.verdict.single_mean > 0.0:
-        ratio = fit.mean_abs / subject.measurements.verdict.single_mean
-        baseline = "the best single-valued curve"
-        if ratio < 1.0:
-            tiles.append(Tile(format_percent(1.0 - ratio), "less error", f"than {baseline}"))
-        else:
-            tiles.append(Tile(f"{format_number(ratio, 2)} times", "the error", f"of {baseline}"))
-    return tuple(tiles)
+    if subject.measurements is None or not subject.measurements.verdict.single_mean > 0.0:
+        rms_text = f"{subject.percent_of_largest(fit.rms)} {basis}"
+        return (*tiles, Tile(scale.format_with_unit(fit.rms), "rms deviation", rms_text))
+    ratio = fit.mean_abs / subject.measurements.verdict.single_mean
+    baseline = "the best single-valued curve"
+    if ratio < 1.0:
+        return (*tiles, Tile(format_percent(1.0 - ratio), "less error", f"than {baseline}"))
+    return (*tiles, Tile(f"{format_number(ratio, 2)} times", "the error", f"of {baseline}"))
 
 
 def _comparison_table(subject: ModelSubject) -> PageTable | None:
