@@ -57,7 +57,9 @@ def test_the_check_of_a_page_fails_on_an_identifier_and_on_an_early_table(html: 
     with pytest.raises(AssertionError):
         Page(html.replace("<h1>", "<h1>gap_m ")).check_answer_first()
     with pytest.raises(AssertionError):
-        Page(html.replace('<ul class="tiles">', '<div class="table"></div><ul class="tiles">')).check_answer_first()
+        Page(
+            html.replace('<ul class="tiles">', '<div class="table"></div><ul class="tiles">')
+        ).check_answer_first()
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from anhyst_rigs.study.fleet_magnets import (
 )
 from anhyst_rigs.study.fleet_spread import MagnetEstimate, estimate_spread
 from tests.cli.command import quick
+from tests.page import Page
 from tests.refusals import refused, says
 from tests.study.fleets import (
     SCATTER,
@@ -275,6 +276,7 @@ def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
     page = (found.out / "report.html").read_text()
     assert "Outliers" in page
     assert "Individual models help" in page
+    Page(page).check_answer_first()
 
 
 @pytest.mark.slow

@@ -153,7 +153,11 @@ def render_page(
     """Return the HTML text of a page; sections without content are omitted."""
     filled_sections = [section for section in sections if section is not None and section.blocks]
     return _load_template().render(
-        head=head, sections=list(_pictures_first(head, filled_sections)), version=version, kind=kind, source=source
+        head=head,
+        sections=list(_pictures_first(head, filled_sections)),
+        version=version,
+        kind=kind,
+        source=source,
     )
 
 

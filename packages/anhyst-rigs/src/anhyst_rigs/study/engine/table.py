@@ -218,7 +218,9 @@ def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, metri
         by_baseline.setdefault(comparison.baseline, []).append(
             f"{comparison.title} {_format_ratio(comparison.ratio)}"
         )
-    return ", ".join(f"{', '.join(ratio_texts)} times that of '{name}'" for name, ratio_texts in by_baseline.items())
+    return ", ".join(
+        f"{', '.join(ratio_texts)} times that of '{name}'" for name, ratio_texts in by_baseline.items()
+    )
 
 
 def _format_ratio(ratio: float) -> str:
