@@ -200,7 +200,7 @@ def test_budget_names_every_part(compiled: Compiled) -> None:
     assert budget["total"]["worst"] == pytest.approx(budget["compiled"]["worst"] + known)
     page = (compiled.out / "budget.html").read_text()
     Page(page).check_answer_first()
-    assert page.count("<svg") == 1
+    assert page.count("<svg") == 2
     assert "sample rate" in page
 
 
