@@ -42,7 +42,10 @@ def _headline(fleet: Fleet) -> Headline:
                 "warn", "Outliers", f"{', '.join(fleet.outliers)}: their parameters are far from the others."
             )
         )
-    if good_shared_count >= good_count:
+    if good_count == good_shared_count == 0:
+        text = f"No magnet is within the tolerance of {fleet.settings.tolerance:g} %."
+        verdict = Note("bad", "No magnet is good", text)
+    elif good_shared_count >= good_count:
         text = f"As many magnets keep the tolerance with the model of '{fleet.typical}' as with their own."
         verdict = Note("good", "One model is enough", text)
     else:
