@@ -15,6 +15,7 @@ from anhyst.support.page import (
     Headline,
     Items,
     Note,
+    PageTable,
     Picture,
     Section,
     Text,
@@ -42,14 +43,14 @@ def write_page(results: Results, folder: Path, tasks: Collection[str], own_model
     The page has a section for each of the given tasks, and emphasises the given models.
     """
     standings = rank(results)
-    sections = [_summary_section(results, standings, own_models)]
+    sections = []
     for name in tasks:
         try:
             sections.append(_task_section(read_task(name), results.scores[name], folder, own_models))
         except MissingData:
             continue
     text = render_page(
-        _make_headline(results, standings),
+        _make_headline(results, standings, own_models),
         sections,
         running_version(),
         kind="Benchmark of hysteresis models",
@@ -61,7 +62,13 @@ def write_page(results: Results, folder: Path, tasks: Collection[str], own_model
     return path
 
 
-def _make_headline(results: Results, standings: Sequence[Standing]) -> Headline:
+def _make_headline(results: Results, standings: Sequence[Standing], own_models: Collection[str]) -> Headline:
+    best = standings[0]
+    verdict = Note(
+        "info",
+        f"{best.model} has the smallest mean rank",
+        f"Its mean rank is {best.mean_rank:.1f} over {best.task_count} tasks, of {len(standings)} models.",
+    )
     own_standing = next((standing for standing in standings if standing.model == DEFAULT), None)
     tiles: tuple[Tile, ...] = ()
     if own_standing is not None:
@@ -82,16 +89,22 @@ def _make_headline(results: Results, standings: Sequence[Standing]) -> Headline:
         "whose output it does not see.",
         basis="Tasks and splits were fixed before the first comparison; a review then corrected some settings, "
         "with training records only.",
+        verdict=verdict,
         notes=notes,
         tiles=tiles,
-        comparison=None,
+        picture=Picture(
+            svg_text(draw_ranks(results, standings), "ranks"),
+            "Error of each model on each task, relative to the smallest",
+            "Normalised rms error of each model on each task. Bright fields are the best.",
+        ),
+        comparison=_ranks_table(standings, own_models),
         validity=" ".join(results.machine),
     )
 
 
-def _summary_section(results: Results, standings: Sequence[Standing], own_models: Collection[str]) -> Section:
+def _ranks_table(standings: Sequence[Standing], own_models: Collection[str]) -> PageTable:
     rows = [[Cell(text, strong=row[0] in own_models) for text in row] for row in summary_rows(standings)]
-    table = make_table(
+    return make_table(
         "Ranks over all tasks",
         SUMMARY_HEAD,
         rows,
@@ -100,12 +113,6 @@ def _summary_section(results: Results, standings: Sequence[Standing], own_models
         "task has the last rank. Each law of anhyst alone is listed on the tasks, but not ranked. The median "
         "ratio is the error divided by the smallest error of the task.",
     )
-    picture = Picture(
-        svg_text(draw_ranks(results, standings), "ranks"),
-        "Error of each model on each task, relative to the smallest",
-        "Normalised rms error of each model on each task. Bright fields are the best.",
-    )
-    return Section("all", "All tasks", (table, picture))
 
 
 def _task_section(

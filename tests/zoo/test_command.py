@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.docs.blocks import blocks
+from tests.page import Page
 from tests.repository import ROOT
 
 PAGE = ROOT / "docs" / "how-it-compares.md"
@@ -40,6 +41,7 @@ def test_two_tasks_with_four_models_repeat_their_record(tmp_path: Path) -> None:
         assert rows["anhyst"]["is_passive"]
     assert "| anhyst |" in process.stdout
     page = (tmp_path / "index.html").read_text("utf-8")
+    Page(page).check_answer_first()
     assert page.count("<svg") >= 3
     assert "steel-team32" in page
 

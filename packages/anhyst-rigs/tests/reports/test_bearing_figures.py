@@ -24,6 +24,7 @@ from anhyst_rigs.reports.bearing.figures import (
     figure_sensitivity,
     figure_steps,
     nearest_loops,
+    window_s,
 )
 from anhyst_rigs.reports.bearing.subject import SimulationSubject
 from anhyst_rigs.reports.benefit import figure_benefit
@@ -35,6 +36,7 @@ from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.magnet_table import OPENS_GAP, LikeTable
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.tables import DisturbanceTable
+from anhyst_rigs.study.bearing.responses import SETTLING_BAND
 from anhyst_rigs.study.benefit import STEP_METRICS, MethodComparison
 from anhyst_rigs.study.engine.table import Interval
 from tests.reports import bearing_reports
@@ -153,12 +155,26 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: Simu
     for line, name in zip(ax.lines[1:], SHOWN, strict=True):
         position = np.asarray(line.get_ydata())
         assert position.max() == pytest.approx(10.0 + OVERSHOOT[name][0][0] / 10.0, abs=0.05)
-        assert np.asarray(line.get_xdata())[0] == pytest.approx(-2.0)
+        assert np.asarray(line.get_xdata())[0] == pytest.approx(-3.0)
     for line, name in zip(below.lines[: len(SHOWN)], SHOWN, strict=True):
         off = np.asarray(line.get_ydata())
         assert off.max() == pytest.approx(OVERSHOOT[name][0][0], abs=0.5)
     assert below.get_ylim()[1] > OVERSHOOT["ratio"][0][0]
     assert below.get_ylabel() == "deviation (% of height)"
+
+
+def test_the_drawn_window_of_a_step_contains_its_settling(subject: SimulationSubject) -> None:
+    (panel,) = subject.panels
+    run = panel.recordings["full"]
+    time = run["t_s"] - run["t_s"][panel.step.begin]
+    outside = np.abs(run["gap_m"] - panel.step.gap_after) > SETTLING_BAND * panel.step.height
+    settling_s = float(time[outside].max())
+    assert settling_s > 0.015
+    shown = replace(panel, shown_s=window_s([settling_s], 0.03))
+    low, high = figure_steps([shown]).axes[0].get_xlim()
+    assert low < 0.0
+    assert 1e3 * settling_s < high <= 30.0
+    assert shown.cut(run)["t_s"][-1] - run["t_s"][panel.step.begin] > settling_s
 
 
 def test_the_force_figure_states_the_error_of_its_curves(runs: dict[MethodName, Recording]) -> None:

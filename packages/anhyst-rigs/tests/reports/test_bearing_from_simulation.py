@@ -63,8 +63,10 @@ def page(run: Path) -> Page:
 def test_every_section_of_a_simulation_is_present(page: Page) -> None:
     assert page.open == []
     assert page.sections() == [
-        "structure", "steps", "forces", "loops", "tracking", "standstill", "frequency", "origin",
+        "steps", "forces", "loops", "tracking", "standstill", "frequency", "structure",
+        "tables", "origin",
     ]  # fmt: skip
+    page.check_answer_first()
 
 
 def test_the_page_shows_the_metrics_of_the_run(run: Path, page: Page) -> None:
@@ -111,6 +113,7 @@ def test_a_monte_carlo_run_is_extended_and_reported(small: Path) -> None:
     assert figures["plants"] == 3
     page = Page((small / "report.html").read_text(encoding="utf-8"))
     assert page.sections() == ["drift", "origin"]
+    page.check_answer_first()
     assert f"{command[-2]} --monte-carlo 3" in page.text
     for name, found in figures["variants"].items():
         median = format_number(found["standstill_rms_m"]["p50"] * 1e9)
@@ -129,7 +132,8 @@ def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
     controller = read_controller(small / "controller.toml")
     found = map_bearing_benefit(rig, controller, scales=(1.0,), fractions=(0.05, 0.3), jobs=1)
     page = Page(render_bearing(rig, controller, found, "anhyst simulate"))
-    assert page.sections() == ["structure", "benefit", "origin"]
+    assert page.sections() == ["benefit", "structure", "tables", "origin"]
+    page.check_answer_first()
     for measure, title in (("overshoot_percent", "Overshoot"), ("settling_in_noise_s", "Settling time")):
         gains = sum(cell.ratio[measure].outcome == "gain" for cell in found.cells)
         assert f"{title} against ratio: a significant gain in {gains} of 2 cells" in page.text

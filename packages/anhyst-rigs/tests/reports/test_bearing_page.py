@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import ControllerTable, read_controller
+from anhyst_rigs.reports.bearing.figures import window_s
 from anhyst_rigs.reports.bearing.page import render
 from anhyst_rigs.reports.bearing.subject import SimulationSubject, difference_text
 from anhyst_rigs.reports.benefit import render_bearing
@@ -38,14 +39,43 @@ def page(html: str) -> Page:
 
 def test_every_part_has_its_section_in_order(page: Page) -> None:
     assert page.sections() == [
-        "structure", "steps", "forces", "loops", "tracking", "standstill", "frequency",
-        "origin",
+        "steps", "forces", "loops", "tracking", "standstill", "frequency", "structure",
+        "tables", "origin",
     ]  # fmt: skip
 
 
 def test_absent_parts_have_no_section(rig: BodyRig, controller: ControllerTable) -> None:
     bare = Page(render(SimulationSubject(rig, controller, seeds=20)))
-    assert bare.sections() == ["structure", "origin"]
+    assert bare.sections() == ["structure", "tables", "origin"]
+
+
+def test_the_answer_comes_first_and_no_prose_contains_identifiers(page: Page) -> None:
+    page.check_answer_first()
+
+
+def test_the_check_of_a_page_fails_on_an_identifier_and_on_an_early_table(html: str) -> None:
+    with pytest.raises(AssertionError):
+        Page(html.replace("<h1>", "<h1>gap_m ")).check_answer_first()
+    with pytest.raises(AssertionError):
+        Page(
+            html.replace('<ul class="tiles">', '<div class="table"></div><ul class="tiles">')
+        ).check_answer_first()
+
+
+@pytest.mark.parametrize(
+    ("settling_times", "hold_s", "window"),
+    [
+        ([0.006, 0.05], 0.2, 0.0625),
+        ([0.05], 0.055, 0.055),
+        ([0.01, math.inf], 0.2, 0.2),
+        ([], 0.2, 0.2),
+        ([0.0], 0.2, 0.2),
+    ],
+)
+def test_the_window_contains_the_settling_and_ends_with_the_hold(
+    settling_times: list[float], hold_s: float, window: float
+) -> None:
+    assert window_s(settling_times, hold_s) == pytest.approx(window)
 
 
 def test_the_page_fetches_nothing(html: str, page: Page) -> None:
@@ -63,7 +93,7 @@ def test_the_page_is_well_formed_and_its_figures_have_descriptions(html: str, pa
     assert len(ids) == len(set(ids))
     drawn = re.findall(r"<svg\b.*?</svg>", html, flags=re.DOTALL)
     reported = [given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"]
-    assert len(drawn) == len(reported) == 9
+    assert len(drawn) == len(reported) == 10
     assert all(len(text) > 40 for text in reported)
     for text in drawn:
         assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
@@ -153,7 +183,7 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
     text = page.text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
         "Not worth it here. Full against the strongest baseline without hysteresis model, more: "
-        "overshoot 1.2 of 'single-valued'; alike within the noise: overshoot" in text
+        "overshoot 1.2 times that of 'single-valued'; alike within the noise: overshoot" in text
     )
     assert "60 % less +2.1 points" in text  # compared with ratio, in the table below
 
@@ -163,9 +193,9 @@ def test_the_tiles_name_the_strongest_baseline_and_measured_flux(subject: Simula
     flux = [replace(cell, variant="flux") for cell in cells() if cell.variant == "full"]
     with_flux = replace(subject, steps=group_by_step([*cells(), *flux]))
     text = Page(render(with_flux)).text.replace("\N{NO-BREAK SPACE}", " ")
-    tile = text[text.index("overshoot, 10 µm") : text.index("overshoot, 50 µm")]
-    assert "best without hysteresis model (single-valued): 10.00 ± 0.30 %" in tile
-    assert "measured flux: 12.10 ± 0.25 %" in tile
+    tile = text[text.index("overshoot, 50 µm step") : text.index("settling time, 50 µm step")]
+    assert "best without hysteresis model (single-valued): 7.12 ± 0.30 %" in tile
+    assert "measured flux: 7.25 ± 0.25 %" in tile
     assert "ratio" not in tile
     assert "compared with measured flux, less at 0 and more at 0" in text
 
@@ -203,6 +233,7 @@ def test_the_map_names_baselines_and_cells_without_gain() -> None:
     assert "at best 70 % less than ratio (step of 10 µm, reversible fraction 0.05" in page.text
     assert "Overshoot against the strongest baseline: a significant gain in 2 of 4 cells" in page.text
     assert "10 % less than single-valued" in page.text
+    page.check_answer_first()
 
 
 def test_zones_follow_the_peak(page: Page) -> None:

@@ -292,6 +292,7 @@ def test_the_map_of_any_rig_is_written_with_its_page(tmp_path: Path) -> None:
     assert {row["case"] for row in kept["cells"]} == {"triangle"}
     page = Page((tmp_path / "report.html").read_text())
     assert page.sections() == ["benefit", "origin"]
+    page.check_answer_first()
     assert "a significant gain in" in page.text
 
 

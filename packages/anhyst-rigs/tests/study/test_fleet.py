@@ -15,6 +15,7 @@ from anhyst.identification.space import coordinate_kind
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.reports.fleet import write_fleet_report
 from anhyst_rigs.study import fleet as whole
 from anhyst_rigs.study.fleet import Fleet, fleet
 from anhyst_rigs.study.fleet_magnets import (
@@ -27,6 +28,7 @@ from anhyst_rigs.study.fleet_magnets import (
 )
 from anhyst_rigs.study.fleet_spread import MagnetEstimate, estimate_spread
 from tests.cli.command import quick
+from tests.page import Page
 from tests.refusals import refused, says
 from tests.study.fleets import (
     SCATTER,
@@ -260,6 +262,8 @@ def test_the_magnets_that_choose_are_identified_once(tmp_path: Path, monkeypatch
     assert count == ["auto"]
     assert (out / "m01" / "model.toml").read_bytes() == before
     assert not any(again.is_good)  # a changed tolerance uses stored results
+    write_fleet_report(tmp_path / "report.html", again)
+    assert "No magnet is good" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.slow
@@ -275,6 +279,7 @@ def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
     page = (found.out / "report.html").read_text()
     assert "Outliers" in page
     assert "Individual models help" in page
+    Page(page).check_answer_first()
 
 
 @pytest.mark.slow

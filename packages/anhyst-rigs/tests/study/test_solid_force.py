@@ -34,6 +34,7 @@ from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.measuring import measure_path, sweep_path
 from anhyst_rigs.study.force_control import build_program, force_control
 from anhyst_rigs.verbs.init import init
+from tests.page import Page
 from tests.refusals import refused
 from tests.truths import truth
 
@@ -211,6 +212,7 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     assert main(["force-control", *map(str, files), "--out", str(out)]) == 0
     assert json.loads((out / "stroke/full/controller/verify.json").read_text())["passed"]
     page = (out / "report.html").read_text()
+    Page(page).check_answer_first()
     assert "C verified" in page
     assert "full, iron at rest" in page
     rig = read_rig(path)

@@ -147,7 +147,7 @@ def passed(plain: Plain) -> str:
 def undrawn() -> Iterator[None]:
     """Omit the figure of a budget, which takes a fifth of the compile time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("anhyst.compilation.budget_page._draw_deviations", lambda budget: None)
+        patch.setattr("anhyst.compilation.budget_page._draw_deviations", lambda budget, runs: None)
         patch.setattr("anhyst.compilation.budget_page.svg_text", lambda figure, prefix: "<svg/>")
         yield
 

@@ -156,11 +156,13 @@ def test_sections_are_in_reading_order(page: Page) -> None:
         "parameters-over",
         "reduction",
         "between",
-        "gap-map",
         "parameters",
+        "tables",
+        "gap-map",
         "measurement",
         "origin",
     ]
+    page.check_answer_first()
     links = [given["href"] for tag, given in page.tags if tag == "a"]
     assert links == [f"#{key}" for key in page.sections()]
 
@@ -247,7 +249,7 @@ def test_the_same_model_gives_the_same_bytes(html: str, folder: Path) -> None:
 def test_a_model_without_gap_has_no_sections_about_one(tmp_path: Path) -> None:
     text, _ = report_of(iron_sample(tmp_path), tmp_path)
     page = Page(text)
-    assert page.sections() == ["loops", "residuals", "parameters", "measurement", "origin"]
+    assert page.sections() == ["loops", "residuals", "tables", "parameters", "measurement", "origin"]
     assert "does not depend on a gap" in page.text
     assert "H iron" in page.text  # different from the applied field H
 
@@ -289,7 +291,7 @@ def test_measurements_that_have_changed_are_not_used(tmp_path: Path) -> None:
     subject = gather_subject(model, tmp_path)
     assert subject.measurements is None
     assert "file changed after the identification" in subject.missing_reason
-    assert "file changed" in str(make_headline(subject).notes)
+    assert "file changed" in str(make_headline(subject))
 
 
 @pytest.mark.slow
@@ -300,7 +302,7 @@ def test_a_model_that_fails_over_the_gap_is_reported_prominently(tmp_path: Path)
     page = Page(text)
     assert "the output falls as the gap closes" in warnings[0]
     assert page.text.count("ACCEPTANCE TEST FAILED.") == 2  # in the head, and at the figure
-    first = make_headline(gather_subject(model, tmp_path)).notes[0]
+    first = make_headline(gather_subject(model, tmp_path)).verdict
     assert first.tone == "bad"
     assert "FAILED at" in text
 
@@ -314,7 +316,7 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     figure = figure_between_gaps(subject.model, stuck)
     assert figure is not None
     assert "cannot be computed" in svg_text(figure, "f")
-    assert "no root" in make_headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text
+    assert "no root" in make_headline(replace(subject, acceptance=Acceptance(stuck, None))).verdict.text
 
 
 def test_metrics_of_an_edited_model_are_recomputed(subject: ModelSubject, folder: Path) -> None:
@@ -331,8 +333,8 @@ def test_metrics_of_an_edited_model_are_recomputed(subject: ModelSubject, folder
 def test_a_model_worse_than_a_single_valued_curve_is_reported(subject: ModelSubject, folder: Path) -> None:
     poor = replace(subject.model, parameters={**subject.model.parameters, "c_out": 90.0})
     head = make_headline(gather_subject(poor, folder))
-    assert head.notes[0].tone == "bad"
-    assert head.notes[0].title == "Worse than no hysteresis model"
+    assert head.verdict.tone == "bad"
+    assert head.verdict.title == "Worse than no hysteresis model"
     assert head.tiles[-1].value.endswith("times")
 
 
@@ -344,7 +346,7 @@ def test_the_verdict_is_that_of_the_measurement(subject: ModelSubject, level: Le
     judged = replace(subject.measurements.verdict, level=level)
     reported = make_headline(
         replace(subject, measurements=replace(subject.measurements, verdict=judged))
-    ).notes[0]
+    ).verdict
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
     assert "% of the error of the curve" in reported.text.replace("\xa0", " ")

@@ -7,6 +7,7 @@ value is the ratio of a metric with compensation to the same metric without comp
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -26,8 +27,10 @@ from anhyst.support.page import (
     Headline,
     Note,
     PageTable,
+    Picture,
     Section,
     Text,
+    Tile,
     format_number,
     make_table,
 )
@@ -39,6 +42,7 @@ from anhyst_rigs.reports.study.page import (
     origin_section,
     page_text,
     picture,
+    verdict_note,
 )
 from anhyst_rigs.reports.study.task import SimulationTask
 from anhyst_rigs.rig.body import BodyRig
@@ -48,11 +52,18 @@ from anhyst_rigs.study.benefit import (
     Benefit,
     MapCell,
     MethodComparison,
+    Outcome,
     map_bearing_benefit,
     map_plant_benefit,
 )
-from anhyst_rigs.study.engine.table import Metric
+from anhyst_rigs.study.engine.table import Judgement, Level, Metric
 
+_OUTCOME_TITLES: Mapping[Outcome, str] = {
+    "gain": "significant gains",
+    "loss": "significant losses",
+    "nothing to gain": "with nothing to gain",
+}
+"""Outcomes at the head of the page."""
 STRONGEST_BASELINE = "the strongest baseline"
 _MAX_RATIO_WITH_WHITE_TEXT = 0.45  # ratio below which the colour is so dark that the text is white
 _SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # names for narrow squares
@@ -180,12 +191,25 @@ _COMPARISON_TEXT = (
 
 
 def _headline(gains: Benefit, title: str, description: str, run_text: str) -> Headline:
+    metric = gains.metrics[0]
+    by_baseline = compare_with_baselines(gains, metric.key)
+    baseline = STRONGEST_BASELINE if STRONGEST_BASELINE in by_baseline else next(iter(by_baseline))
+    cells = by_baseline[baseline]
+    counts = Counter(comparison.outcome for _, comparison in cells)
+    level: Level = "no" if not counts["gain"] else "mixed" if counts["gain"] < len(cells) else "yes"
+    text = _gain_text(gains, metric.title.capitalize(), baseline, cells)
+    tiles = (
+        Tile(f"{counts[outcome]} of {len(cells)}", title, f"{metric.title}, against {baseline}")
+        for outcome, title in _OUTCOME_TITLES.items()
+    )
     return Headline(
         title=title,
         description=description,
         basis=f"Simulated; intervals are those of 95 % confidence over {gains.seeds} noise seeds.",
+        verdict=verdict_note(Judgement(level, text.removesuffix("."))),
         notes=(Note("info", "What is compared", _COMPARISON_TEXT.format(run_text)),),
-        tiles=(),
+        tiles=tuple(tiles),
+        picture=_picture_of_map(gains, metric),
         comparison=None,
         validity="These results apply only to this plant, its iron and these settings.",
     )
@@ -202,8 +226,8 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
         *(comparison.baseline for cell in gains.cells for comparison in cell.strongest.values()),
     ]
     sections = (
-        structure_section(rig, table_of_full, [*variants, "ratio"]),
         _benefit_section(gains),
+        structure_section(rig, table_of_full, [*variants, "ratio"]),
         origin_section(file_hashes([rig.path, controller.path]), command, rig.settings.seed),
     )
     headline = _headline(gains, rig.settings.name, description, runs)
@@ -230,26 +254,29 @@ def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
     return gains, page_text(kind.capitalize(), headline, sections)
 
 
+def _picture_of_map(gains: Benefit, metric: Metric) -> Picture:
+    title = metric.title
+    return picture(
+        figure_benefit(gains, metric),
+        f"benefit-{metric.key}",
+        f"Maps of the ratio of {title} over loop width and reversible fraction, one "
+        "column a case, one row a baseline; hatched if no gain is significant.",
+        f"{title.capitalize()} of full divided by that of the baseline, same gains.  "
+        "Below 1 (violet), compensation is better. Crossed red: a significant loss, or the run "
+        "was lost. Hatched grey: not significant, because the 95 % confidence interval of the "
+        "difference contains zero. Dotted: nothing to gain, because both overshoots of a step "
+        "are less than three times the rms at standstill. †: pathological iron, whose slope is "
+        "small just after a reversal. The name in a square is its baseline; lin. is linearised.",
+    )
+
+
 def _benefit_section(gains: Benefit) -> Section:
     blocks: list[Block] = []
     for metric in gains.metrics:
-        title = metric.title
         for baseline_name, cells in compare_with_baselines(gains, metric.key).items():
-            blocks.append(Text(_gain_text(gains, title.capitalize(), baseline_name, cells)))
-        blocks.append(
-            picture(
-                figure_benefit(gains, metric),
-                f"benefit-{metric.key}",
-                f"Maps of the ratio of {title} over loop width and reversible fraction, one "
-                "column a case, one row a baseline; hatched if no gain is significant.",
-                f"{title.capitalize()} of full divided by that of the baseline, same gains.  "
-                "Below 1 (violet), compensation is better. Crossed red: a significant loss, or the run "
-                "was lost. Hatched grey: not significant, because the 95 % confidence interval of the "
-                "difference contains zero. Dotted: nothing to gain, because both overshoots of a step "
-                "are less than three times the rms at standstill. †: pathological iron, whose slope is "
-                "small just after a reversal. The name in a square is its baseline; lin. is linearised.",
-            )
-        )
+            blocks.append(Text(_gain_text(gains, metric.title.capitalize(), baseline_name, cells)))
+        if metric != gains.metrics[0]:
+            blocks.append(_picture_of_map(gains, metric))
     return Section("benefit", "Gain of compensation", (*blocks, _iron_table(gains)))
 
 

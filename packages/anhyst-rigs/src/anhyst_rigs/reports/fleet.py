@@ -7,7 +7,18 @@ from matplotlib.figure import Figure
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.figures import FALLING_COLOUR, RISING_COLOUR
-from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, make_table
+from anhyst.support.page import (
+    Block,
+    Headline,
+    Items,
+    Note,
+    PageTable,
+    Picture,
+    Section,
+    Text,
+    Tile,
+    make_table,
+)
 from anhyst_rigs.reports.study.page import page_text, picture, write_page
 from anhyst_rigs.study.fleet import Fleet
 from anhyst_rigs.study.fleet_spread import FleetSpread
@@ -17,7 +28,7 @@ _MAX_ROWS = 200
 
 def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
     """Write the report of a fleet as a self-contained HTML file."""
-    sections = [_error_section(fleet), _scatter_section(fleet), _magnet_section(fleet)]
+    sections = [_scatter_section(fleet), _magnet_section(fleet)]
     write_page(path, page_text("Fleet of magnets", _headline(fleet), sections, "their loops"))
 
 
@@ -32,41 +43,44 @@ def _headline(fleet: Fleet) -> Headline:
                 "warn", "Outliers", f"{', '.join(fleet.outliers)}: their parameters are far from the others."
             )
         )
-    if good_shared_count >= good_count:
-        text = f"as many magnets keep the tolerance with the model of '{fleet.typical}' as with their own"
-        notes.append(Note("good", "One model is enough", f"{text}."))
+    if good_count == good_shared_count == 0:
+        text = f"No magnet is within the tolerance of {fleet.settings.tolerance:g} %."
+        verdict = Note("bad", "No magnet is good", text)
+    elif good_shared_count >= good_count:
+        text = f"As many magnets keep the tolerance with the model of '{fleet.typical}' as with their own."
+        verdict = Note("good", "One model is enough", text)
     else:
-        text = f"{good_count} keep the tolerance with their own model, {good_shared_count} with one for all"
-        notes.append(Note("info", "Individual models help", f"{text}."))
+        text = f"{good_count} keep the tolerance with their own model, {good_shared_count} with one for all."
+        verdict = Note("info", "Individual models help", text)
     return Headline(
         title="Fleet of magnets",
         description=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
         f"controllers of {fleet.settings.rate:g} ticks a second in {fleet.settings.io}.",
         basis=f"A good magnet: its verified controller is at most "
         f"{fleet.settings.tolerance:g} % of the largest output in error, rms of all its loops.",
+        verdict=verdict,
         notes=tuple(notes),
         tiles=(
             Tile(f"{good_count} of {count}", "good", "each with its own controller"),
             Tile(f"{good_shared_count} of {count}", "good", f"all with the model of '{fleet.typical}'"),
             Tile(str(len(fleet.outliers)), "outliers", "by their parameters"),
-            Tile(str(len(fleet.failed)), "not evaluated", "bad files"),
         ),
+        picture=_error_picture(fleet),
         comparison=None,
         validity="",
     )
 
 
-def _error_section(fleet: Fleet) -> Section:
+def _error_picture(fleet: Fleet) -> Picture:
     figure = Figure(figsize=(7.2, 3.6), layout="constrained")
     fleet.plot(figure.add_subplot())
-    error_picture = picture(
+    return picture(
         figure,
         "errors",
         "Error of each magnet, with its own controller and with one model for all.",
         "Error on the loops of each magnet, with its own compiled controller and with the model of "
         f"the most typical one, '{fleet.typical}'.",
     )
-    return Section("errors", "Errors", (error_picture,))
 
 
 def _scatter_section(fleet: Fleet) -> Section:

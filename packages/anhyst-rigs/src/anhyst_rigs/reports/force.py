@@ -23,7 +23,18 @@ from anhyst.support.figures import (
 )
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import Headline, Note, PageTable, Section, Text, Tile, format_number, make_table
+from anhyst.support.page import (
+    NBSP,
+    Headline,
+    Note,
+    PageTable,
+    Picture,
+    Section,
+    Text,
+    Tile,
+    format_number,
+    make_table,
+)
 from anhyst_rigs.reports.benefit import map_plants
 from anhyst_rigs.reports.study.page import (
     BOX_HEIGHT_IN,
@@ -208,7 +219,7 @@ def draw_all(result: ForceControl, verification_tables: Sequence[PageTable] = ()
     for name, figure in pages.items():
         write_png(figure, result.out / f"{name}.png")
         write_svg(figure, result.out / f"{name}.svg")
-    pictures = [picture(pages[name], name, text, text) for name, text in CAPTIONS.items()]
+    answer, *pictures = (picture(pages[name], name, text, text) for name, text in CAPTIONS.items())
     compiled = Text(
         "C of the models, with its manifest: end/full/controller and stroke/full/controller; "
         f"{result.figures['ticks_that_differ']} of {result.figures['firmware_ticks']} ticks of the "
@@ -219,14 +230,15 @@ def draw_all(result: ForceControl, verification_tables: Sequence[PageTable] = ()
         Section("controller", "Controller", (compiled, *verification_tables)),
         origin_section(file_hashes([rig.path, *rig.measured_loops.files])),
     ]
-    text = page_text("Force control", _headline(result, bool(verification_tables)), sections)
+    text = page_text("Force control", _headline(result, answer, bool(verification_tables)), sections)
     write_page(result.out / REPORT_NAME, text)
 
 
-def _headline(result: ForceControl, has_verification: bool) -> Headline:
+def _headline(result: ForceControl, answer: Picture, has_verification: bool) -> Headline:
     rig, figures = result.rig, result.figures
-    loss_notes = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
-    notes = loss_notes if result.lost_in else [verdict_note(result.verdict)]
+    verdict, notes = verdict_note(result.verdict), []
+    if result.lost_in:
+        verdict = Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")
     if has_verification:
         notes.append(
             Note("good", "C verified", "The same bits on all targets that ran; see the tables below.")
@@ -239,8 +251,10 @@ def _headline(result: ForceControl, has_verification: bool) -> Headline:
         f"firmware on {figures['board']}, {figures['rate_Hz']:g} ticks a second. "
         + "; ".join(result.plant.report_lines)
         + ".",
+        verdict=verdict,
         notes=tuple(notes),
         tiles=_error_tiles(result),
+        picture=answer,
         comparison=comparison_table(result),
         validity="Errors of the true force after the lead-in, which only a simulation knows. They "
         "include the delay of one tick and the lag of the amplifier.",
@@ -257,10 +271,10 @@ def _error_tiles(result: ForceControl) -> tuple[Tile, ...]:
         if trial["demand"] == fastest_demand and trial["stage"] != "moving"
     )
     errors = worst_errors(fixed_trials, lambda _: fastest_demand)[fastest_demand]
-    detail = f"worst error, {fastest_demand}, held, % of {result.figures['force_max_N']:g} N"
+    detail = f"worst error for the demand “{fastest_demand}”, % of {result.figures['force_max_N']:g} N"
     return tuple(
-        Tile(format_number(errors[name]["worst_percent"], 2), CONTROLLER_TITLES[name], detail)
-        for name in _DRAWN_ERRORS
+        Tile(f"{format_number(errors[name]['worst_percent'], 2)}{NBSP}%", CONTROLLER_TITLES[name], detail)
+        for name in ("full", "single", "ratio")
         if name in errors
     )
 

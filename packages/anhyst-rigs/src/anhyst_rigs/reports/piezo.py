@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from anhyst.support.atomic import check_writable
 from anhyst.support.figures import new_figure, use_report_style, write_svg
-from anhyst.support.page import NBSP, Headline, PageTable, Section
+from anhyst.support.page import NBSP, Headline, PageTable, Tile, format_percent
 from anhyst_rigs.reports.study.page import (
     COLOURS,
     TerminalSummary,
@@ -74,25 +74,29 @@ def render(tracked: PiezoTracking, command: str) -> str:
         f"{displacement_case.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
         basis="Simulated. The inverse model is identified from loops of the simulated stage, with "
         "the noise of its sensor.",
-        notes=(verdict_note(tracked.verdict),),
-        tiles=tuple(
-            comparison_tile(metric, tracked.errors["full"][metric.key], baseline[metric.key], "a constant")
-            for metric in DEVIATION_METRICS
+        verdict=verdict_note(tracked.verdict),
+        tiles=(
+            *(
+                comparison_tile(
+                    metric, tracked.errors["full"][metric.key], baseline[metric.key], "a constant"
+                )
+                for metric in DEVIATION_METRICS
+            ),
+            Tile(
+                format_percent(1.0 - tracked.deviation_ratio()), "less deviation, rms", "than with a constant"
+            ),
+        ),
+        picture=picture(
+            figure_tracking(tracked),
+            "tracking",
+            "Reference, and deviation of each controller from it, over time.",
+            "True position minus the reference, delayed by controller and amplifier.",
         ),
         comparison=comparison_table(tracked),
         validity="These results apply only to this stage and this triangle.",
     )
-    tracking_picture = picture(
-        figure_tracking(tracked),
-        "tracking",
-        "Reference, and deviation of each controller from it, over time.",
-        "True position minus the reference, delayed by controller and amplifier.",
-    )
-    sections = [
-        Section("tracking", "Following the triangle", (tracking_picture,)),
-        origin_section(file_hashes([tracked.rig.path]), command, file.seed),
-    ]
-    return page_text("Piezo stage", headline, sections)
+    origin = origin_section(file_hashes([tracked.rig.path]), command, file.seed)
+    return page_text("Piezo stage", headline, [origin])
 
 
 def simulate(task: SimulationTask) -> PiezoTracking:

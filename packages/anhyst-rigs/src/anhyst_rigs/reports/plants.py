@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.support.figures import create_panels, new_figure, use_report_style
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import METHOD_TITLES, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (
+    MAX_TILES,
     MINUS,
     NBSP,
     Headline,
     Items,
     Note,
     PageTable,
+    Picture,
     Section,
+    Tile,
     format_number,
     make_table,
 )
+from anhyst.support.wording import key_in_words
 from anhyst_rigs.reports.study.page import (
     COLOURS,
     TerminalSummary,
@@ -48,7 +52,10 @@ def terminal_summary(runs: MonteCarlo) -> TerminalSummary:
 
 def render(runs: MonteCarlo, files: Sequence[Path], command: str) -> str:
     """Return the page of a Monte Carlo study."""
-    sections = [_drift_section(runs), origin_section(file_hashes(files), command, runs.plants.seed)]
+    sections = [
+        Section("drift", "Drifted plants", (percentile_table(runs), _worst_plants(runs))),
+        origin_section(file_hashes(files), command, runs.plants.seed),
+    ]
     return page_text("Drifted plants", _headline(runs), sections)
 
 
@@ -62,11 +69,10 @@ def _headline(runs: MonteCarlo) -> Headline:
         f"whose properties have random deviations: {_spread_text(runs)} (standard deviations). Their "
         "controllers were designed for the nominal plant.",
         basis=f"Simulated, seed {runs.plants.seed}; all variants control the same plants.",
-        notes=(
-            verdict_note(runs.verdict),
-            Note("bad" if has_losses else "good", "Plants lost", f"{'; '.join(counts)}."),
-        ),
-        tiles=(),
+        verdict=verdict_note(runs.verdict),
+        notes=(Note("bad" if has_losses else "good", "Plants lost", f"{'; '.join(counts)}."),),
+        tiles=tuple(_tiles(runs)),
+        picture=_drift_picture(runs),
         comparison=None,
         validity="These results apply only to this spread.",
     )
@@ -75,7 +81,7 @@ def _headline(runs: MonteCarlo) -> Headline:
 def _spread_text(runs: MonteCarlo) -> str:
     file, texts = runs.plants.file, []
     for key in SPREADS[file.control.kind].keys:
-        value, property_name = getattr(file.spread, key), key.rpartition("_")[0].replace("_", " ")
+        value, property_name = getattr(file.spread, key), key_in_words(key).partition(" [")[0]
         if key.endswith("_percent"):
             texts.append(f"{property_name} {value:g}{NBSP}%")
         else:
@@ -83,7 +89,23 @@ def _spread_text(runs: MonteCarlo) -> str:
     return ", ".join(texts)
 
 
-def _drift_section(runs: MonteCarlo) -> Section:
+def _tiles(runs: MonteCarlo) -> Iterator[Tile]:
+    """Yield the number of lost plants, and the medians of the first metrics and cases."""
+    method = runs.plants.main_method
+    lost_count = f"{runs.lost_count(method)} of {len(runs.drifts)}"
+    yield Tile(lost_count, "plants lost", f"with {METHOD_TITLES[method]}")
+    cases = [(metric, *case) for metric in runs.plants.figures for case in enumerate(metric.case_names)]
+    for metric, index, case in cases[: MAX_TILES - 1]:
+        values = runs.values(method, metric.key, index)
+        median, high = (
+            f"{format_number(metric.factor * percentile(values, percent), 2)}{NBSP}{metric.unit}"
+            for percent in (50, 95)
+        )
+        title = _figure_title(metric, case).rpartition(" (")[0]
+        yield Tile(median, title, f"median of the plants; 95 % of them are below {high}")
+
+
+def _drift_picture(runs: MonteCarlo) -> Picture:
     spreads = {
         _figure_title(figure, name): {
             method: figure.factor * np.array(runs.values(method, figure.key, case)) for method in runs.runs
@@ -91,7 +113,7 @@ def _drift_section(runs: MonteCarlo) -> Section:
         for figure in runs.plants.figures
         for case, name in enumerate(figure.case_names)
     }
-    drift_picture = picture(
+    return picture(
         figure_drift(spreads),
         "drift",
         f"Distribution of metrics of the plants, with percentiles marked: {', '.join(spreads)}.",
@@ -99,7 +121,6 @@ def _drift_section(runs: MonteCarlo) -> Section:
         f"{', '.join(str(percent) for percent in PERCENTILES)} %. A plant that lost control counts as "
         "infinite.",
     )
-    return Section("drift", "Drifted plants", (drift_picture, percentile_table(runs), _worst_plants(runs)))
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
@@ -142,7 +163,7 @@ def _drift_text(drift: Drift) -> str:
     for key, value in drift.as_dict().items():
         name, _, unit = key.rpartition("_")
         value_text = f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
-        changes.append(f"{name.replace('_', ' ')} {value_text}")
+        changes.append(f"{key_in_words(name)} {value_text}")
     return ", ".join(changes).replace("-", MINUS)
 
 

@@ -17,11 +17,13 @@ from anhyst.support.page import (
     Items,
     Note,
     PageTable,
+    Picture,
     Section,
     Text,
     format_number,
     make_table,
 )
+from anhyst.support.wording import key_in_words
 from anhyst_rigs.reports.study.page import (
     INK_COLOUR,
     SHADE_COLOUR,
@@ -185,22 +187,24 @@ def gains_line(study: TrackingStudy) -> str:
 
 def render(study: TrackingStudy, command: str) -> str:
     """Return the page of a stage."""
-    settling_picture = picture(
-        figure_settling(study.variants, study.rig.settings.scan.cruise_s),
-        "settling",
-        "Histograms of the settling time into 50 and 10 nm, one row per variant.",
-        "All scans of all noise seeds. Scans that never settle are at the right end.",
-    )
     sections = [
         _scan_section(study),
         Section("cross-talk", "Cross-talk", tuple(cross_tables(study))),
-        Section("settling", "Settling", (settling_picture,)),
         _limit_section(study),
         _learning_section(study),
         Section("losses", "Loss of magnets, and lift-off", tuple(loss_tables(study))),
         origin_section(file_hashes([study.rig.path, *study.rig.measured_loops.files]), command),
     ]
     return page_text("Short-stroke stage", _headline(study), sections)
+
+
+def _picture_of_settling(study: TrackingStudy) -> Picture:
+    return picture(
+        figure_settling(study.variants, study.rig.settings.scan.cruise_s),
+        "settling",
+        "Histograms of the settling time into 50 and 10 nm, one row per variant.",
+        "Settling times of all scans of all noise seeds. Scans that never settle are at the right end.",
+    )
 
 
 def comparison_table(study: TrackingStudy) -> PageTable:
@@ -223,7 +227,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
     at_rest = study.variants[COMPENSATOR].standstill_by_axis
     rest_table = make_table(
         "Rms of each coordinate at rest",
-        ["variant", *(f"{axis.replace('_', ' (n')})" for axis in at_rest)],
+        ["variant", *(key_in_words(axis).replace("[", "(n").replace("]", ")") for axis in at_rest)],
         [
             [name, *(format_number(1e9 * error, 3) for error in variant.standstill_by_axis.values())]
             for name, variant in study.variants.items()
@@ -247,9 +251,10 @@ def loss_tables(study: TrackingStudy) -> list[PageTable]:
 
 def _headline(study: TrackingStudy) -> Headline:
     plant, tracking = study.rig.settings, study.rig.settings.tracking
-    note = verdict_note(study.verdict)
-    notes = [replace(note, tone="bad") if study.lost_in else note]
-    notes += [verdict_note(verdict) for verdict in study.verdicts.values()]
+    verdict = verdict_note(study.verdict)
+    if study.lost_in:
+        verdict = replace(verdict, tone="bad")
+    notes = [verdict_note(judgement) for judgement in study.verdicts.values()]
     notes += [Note("warn", "Left out", f"{name}: {reason}.") for name, reason in study.left_out.items()]
     axes = ", ".join(plant.body.free)
     return Headline(
@@ -263,7 +268,9 @@ def _headline(study: TrackingStudy) -> Headline:
         "training set-point, and replaced by the mass alone if they are not better on withheld "
         "turnarounds. All results are for a test set-point that was not used for this. "
         f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
+        verdict=verdict,
         notes=tuple(notes),
+        picture=_picture_of_settling(study),
         tiles=tuple(
             comparison_tile(
                 metric,
@@ -278,9 +285,7 @@ def _headline(study: TrackingStudy) -> Headline:
     )
 
 
-_TILE_METRICS = [
-    metric for metric in METRICS if metric.key in ("peak_m", "average_m", "settling_50_s", "settling_10_s")
-]
+_TILE_METRICS = [metric for metric in METRICS if metric.key in ("peak_m", "average_m", "settling_50_s")]
 _COUNT_WORDS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
 
 

@@ -13,6 +13,7 @@ from anhyst.data import Loops
 from anhyst.data.loops import Loop
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import key_in_words
 
 MAX_PLANT_TO_MODEL_DEVIATION = 1.1
 """Ratio of the mean deviations of plant and model; above it, the plant counts as less accurate."""
@@ -127,7 +128,7 @@ class PlantCheck:
         """Lines that every report contains."""
         text = [f"deviation from the loops: plant: {self.plant.text}; compensator's model: {self.model.text}"]
         if self.guessed_keys:
-            text.append(f"guessed for the plant: {', '.join(self.guessed_keys)}")
+            text.append(f"guessed for the plant: {', '.join(map(key_in_words, self.guessed_keys))}")
         return text
 
     @property

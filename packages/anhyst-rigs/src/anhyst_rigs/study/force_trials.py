@@ -156,8 +156,8 @@ CONTROLLER_TITLES: Mapping[str, str] = {
 }
 """Titles of the controllers in tables; the best controller is first."""
 STAGE_TITLES: Mapping[str, str] = {
-    "end": "stroke's end, after the start-up sequence",
-    "end_demagnetised": "stroke's end, from demagnetised",
+    "end": "stroke's end (after the start-up sequence)",
+    "end_demagnetised": "stroke's end (from demagnetised)",
     "positions": "row of positions",
     "moving": "armature moving",
 }
@@ -292,7 +292,7 @@ def judge_stages(summary: Summary) -> Judgement:
     """Compare the worst error of ``full`` in every group of trials with the strongest baseline."""
     compared = [
         ComparedFigure(
-            stage_name,
+            STAGE_TITLES[stage_name],
             CONTROLLER_TITLES[name],
             summary[stage_name]["full"]["worst_percent"],
             summary[stage_name][name]["worst_percent"],

@@ -8,19 +8,23 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.compensate.budget import Budget, percent
-from anhyst.compensate.measure import BudgetPart
+from anhyst.compensate.measure import BudgetPart, PathRun
 from anhyst.compensate.output_drift import HOLD_TIME_S
 from anhyst.compensate.plan import Decision, Plan
 from anhyst.support.figures import ALARM_COLOUR, FIGURE_WIDTH_IN, MODEL_COLOUR, svg_text, use_report_style
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
+    NBSP,
     UNKNOWN_TEXT,
     Cell,
     Headline,
+    Note,
     PageTable,
     Picture,
     Section,
     Text,
+    Tile,
+    Tone,
     make_table,
     render_page,
 )
@@ -179,14 +183,32 @@ def make_budget_page(
     """Return the page of a budget; each line of `signals` describes the codes of a signal."""
     worst_percent, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
     text = f"Compiled, the output is within {worst_percent:.2g} % of the output of the model"
+    tone: Tone = "info"
+    title, limit = "Accuracy measured", "no accuracy was requested"
     if budget.required is not None:
-        text += f"; {percent(budget, budget.required):.3g} % was requested"
+        limit = f"{percent(budget, budget.required):.3g} % was requested"
+        tone = "good" if (budget.compiled.worst or 0.0) <= budget.required else "bad"
+        title = "As accurate as requested" if tone == "good" else "Less accurate than requested"
+    worst_run = max(budget.runs, key=lambda run_and_error: float(np.abs(run_and_error[1]).max()))
     headline = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
-        description=f"{text}. A held output drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
+        description="Accuracy of a compiled compensator, measured on the paths of its demands.",
         basis="",
-        notes=(),
-        tiles=(),
+        verdict=Note(tone, title, f"{text}; {limit}."),
+        tiles=(
+            Tile(f"{worst_percent:.2g}{NBSP}%", "worst error, compiled", limit),
+            Tile(
+                f"{percent(budget, budget.compiled.rms or 0.0):.2g}{NBSP}%",
+                "rms error, compiled",
+                "of all paths",
+            ),
+            Tile(f"{drift:.2g}{NBSP}%", "drift of a held output", f"in {HOLD_TIME_S:g} s"),
+        ),
+        picture=Picture(
+            svg_text(_draw_deviations(budget, [worst_run]), "worst"),
+            "Deviation of the output from the demand along the path with the largest deviation",
+            "The path with the largest deviation; dashed: the requested accuracy, if there is one.",
+        ),
         comparison=None,
         validity=f"Values in % are relative to the largest demand, {budget.reference_output:.4g} {budget.unit}. All "
         "values are measured: the currents of the compensator are applied to the model in double "
@@ -240,7 +262,7 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
         for run, error in budget.runs
     ]
     figure_markup = Picture(
-        svg_text(_draw_deviations(budget), "paths"),
+        svg_text(_draw_deviations(budget, budget.runs), "paths"),
         "Deviation of the output from the demand along each path",
         "All compilation steps are active. If the current is at a limit, only deviations that "
         "a current within the limits could reduce count.",
@@ -274,18 +296,19 @@ def _signal_table(signals: Sequence[str]) -> PageTable:
 
 
 @use_report_style
-def _draw_deviations(budget: Budget) -> Figure:
-    """Draw the deviation along each path."""
-    rows = -(-len(budget.runs) // 2)
+def _draw_deviations(budget: Budget, runs: Sequence[tuple[PathRun, FloatArray]]) -> Figure:
+    """Draw the deviation along each of some paths."""
+    columns = min(len(runs), 2)
+    rows = -(-len(runs) // columns)
     # Fixed margins, because an automatic layout took a fifth of the compile time.
     figure = Figure((FIGURE_WIDTH_IN, PANEL_HEIGHT_IN * rows))
     figure.subplots_adjust(
         0.1, 0.5 / (PANEL_HEIGHT_IN * rows), 0.99, 1.0 - 0.3 / (PANEL_HEIGHT_IN * rows), 0.08, 0.65
     )
-    axes = figure.subplots(rows, 2, squeeze=False, sharey=True).ravel().tolist()
-    for ax in axes[len(budget.runs) :]:
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel().tolist()
+    for ax in axes[len(runs) :]:
         ax.remove()
-    for ax, (run, error) in zip(axes, budget.runs, strict=False):
+    for ax, (run, error) in zip(axes, runs, strict=False):
         at, low, high = _envelope(percent(budget, 1.0) * error)
         ax.fill_between(at, low, high, color=MODEL_COLOUR, linewidth=0.6, edgecolor=MODEL_COLOUR)
         ax.set_title(run.path.title)
@@ -293,7 +316,7 @@ def _draw_deviations(budget: Budget) -> Figure:
         if budget.required is not None:
             for accuracy_limit in (-percent(budget, budget.required), percent(budget, budget.required)):
                 ax.axhline(accuracy_limit, color=ALARM_COLOUR, linewidth=0.8, dashes=(4, 3))
-    for ax in axes[0 : len(budget.runs) : 2]:
+    for ax in axes[0 : len(runs) : columns]:
         ax.set_ylabel("deviation, %")
     return figure
 

@@ -16,7 +16,13 @@ from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between_gaps, figure_parameters
 from anhyst.reports.section_flux import section_flux
-from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
+from anhyst.reports.sections_fit import (
+    picture_of_loops,
+    section_loops,
+    section_measurement,
+    section_rate,
+    section_residuals,
+)
 from anhyst.reports.subject import ModelSubject, acceptance_note, compute_fit_metrics, gather_measurements
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.cache import c_name
@@ -28,7 +34,6 @@ from anhyst.support.page import (
     Headline,
     Note,
     PageTable,
-    Section,
     Tile,
     display_name,
     display_symbol,
@@ -37,7 +42,7 @@ from anhyst.support.page import (
     make_table,
     render_page,
 )
-from anhyst.support.wording import word_for_reader
+from anhyst.support.wording import capitalise, word_for_reader
 
 _RMS_PER_MEAN_ABS = float(np.sqrt(0.5 * np.pi))
 """Ratio of the standard deviation of a normal variable to its mean absolute value."""
@@ -52,15 +57,16 @@ def make_headline(subject: ModelSubject) -> Headline:
         f"{display_symbol(model.output)}{schedule_part}: {model.operator_law.title}"
         + (f", map “{model.gap_map}”." if model.varying else ".")
     )
-    notes = [Note("warn", "Note", text[:1].upper() + text[1:]) for text in subject.warnings]
+    notes = [Note("warn", "Note", capitalise(text)) for text in subject.warnings]
     if subject.missing_reason:
         text = (
             f"The measurements were not read: {subject.missing_reason}. This report is written from the "
             "model file only. It has no measured loops and residuals, and its deviations are those "
             "in the file."
         )
-        notes.append(Note("warn", "Without measurements", text))
-    all_notes = (*verdict_notes(subject), acceptance_note(subject), *notes)
+        notes.insert(0, Note("warn", "Without measurements", text))
+    all_notes = (*verdict_notes(subject), *notes, acceptance_note(subject))
+    verdict, *other_notes = sorted(all_notes, key=lambda note: note.tone != "bad")
     basis_text, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
         schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
@@ -73,8 +79,10 @@ def make_headline(subject: ModelSubject) -> Headline:
         title=model.name,
         description=description,
         basis=basis_text,
-        notes=tuple(sorted(all_notes, key=lambda note: note.tone != "bad")),
+        verdict=verdict,
+        notes=tuple(other_notes),
         tiles=_make_tiles(subject),
+        picture=picture_of_loops(subject),
         comparison=_comparison_table(subject),
         validity=_validity_text(subject),
     )
@@ -121,20 +129,19 @@ def _make_tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation_scale
     if fit is None:
         return ()
-    errors = {"mean deviation": fit.mean_abs, "rms deviation": fit.rms, "worst point": fit.worst}
     basis = f"of {subject.full_scale_text}"
     tiles = [
         Tile(scale.format_with_unit(error), name, f"{subject.percent_of_largest(error)} {basis}")
-        for name, error in errors.items()
+        for name, error in (("mean deviation", fit.mean_abs), ("worst point", fit.worst))
     ]
-    if subject.measurements is not None and subject.measurements.verdict.single_mean > 0.0:
-        ratio = fit.mean_abs / subject.measurements.verdict.single_mean
-        baseline = "the best single-valued curve"
-        if ratio < 1.0:
-            tiles.append(Tile(format_percent(1.0 - ratio), "less error", f"than {baseline}"))
-        else:
-            tiles.append(Tile(f"{format_number(ratio, 2)} times", "the error", f"of {baseline}"))
-    return tuple(tiles)
+    if subject.measurements is None or not subject.measurements.verdict.single_mean > 0.0:
+        rms_text = f"{subject.percent_of_largest(fit.rms)} {basis}"
+        return (*tiles, Tile(scale.format_with_unit(fit.rms), "rms deviation", rms_text))
+    ratio = fit.mean_abs / subject.measurements.verdict.single_mean
+    baseline = "the best single-valued curve"
+    if ratio < 1.0:
+        return (*tiles, Tile(format_percent(1.0 - ratio), "less error", f"than {baseline}"))
+    return (*tiles, Tile(f"{format_number(ratio, 2)} times", "the error", f"of {baseline}"))
 
 
 def _comparison_table(subject: ModelSubject) -> PageTable | None:
@@ -228,7 +235,7 @@ def gather_subject(model: Model, folder: PathLike) -> ModelSubject:
 
 def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     """Return the HTML text of the report."""
-    sections: list[Section | None] = [
+    sections = [
         section_loops(subject),
         section_flux(subject),
         section_rate(subject),
@@ -244,7 +251,7 @@ def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     ]
     return render_page(
         make_headline(subject),
-        [section for section in sections if section is not None],
+        sections,
         subject.model.provenance.version,
         kind="Hysteresis model",
         source="the model file",

@@ -26,6 +26,7 @@ from anhyst.support.page import (
     Cell,
     Items,
     PageTable,
+    Picture,
     Scale,
     Section,
     Text,
@@ -39,8 +40,8 @@ from anhyst.support.page import (
 )
 
 
-def section_loops(subject: ModelSubject) -> Section | None:
-    """Return the section with measured and modelled loops."""
+def picture_of_loops(subject: ModelSubject) -> Picture | None:
+    """Return the picture of the measured and the modelled loops."""
     measurements = subject.measurements
     if measurements is None:
         return None
@@ -48,20 +49,28 @@ def section_loops(subject: ModelSubject) -> Section | None:
     if subject.fit is not None:
         worst_text = subject.deviation_scale.format_with_unit(subject.fit.worst)
         deviation_text = f"The lines lie within {worst_text} of the points."
+    return subject.picture(
+        figures.figure_loops(measurements.loops, measurements.fitted),
+        f"{subject.output_name} over {subject.input_name}, {panels}: measured samples as grey points, "
+        f"the modelled loops as blue lines. {deviation_text}",
+        f"Measured samples (points) and model (line), {panels}." + _omitted_panels_text(measurements),
+    )
+
+
+def section_loops(subject: ModelSubject) -> Section | None:
+    """Return the section with the hysteresis of the loops, and with the small loops."""
+    measurements = subject.measurements
+    if measurements is None:
+        return None
+    panels = _panels_text(subject, measurements)
     blocks: list[Block] = [
-        subject.picture(
-            figures.figure_loops(measurements.loops, measurements.fitted),
-            f"{subject.output_name} over {subject.input_name}, {panels}: measured samples as grey points, "
-            f"the modelled loops as blue lines. {deviation_text}",
-            f"Measured samples (points) and model (line), {panels}." + _omitted_panels_text(measurements),
-        ),
         subject.picture(
             figures.figure_differences(measurements.loops, measurements.fitted, measurements.baseline),
             f"Loops minus the best single-valued curve, {panels}: only hysteresis remains, "
             "measured as grey points, modelled as blue lines.",
             "Loops minus the best single-valued curve (one curve for each panel): only hysteresis "
             "remains. A curve without hysteresis would be the zero line.",
-        ),
+        )
     ]
     small_loops_figure = figures.figure_small_loops(measurements.loops, measurements.fitted)
     if small_loops_figure is not None:
@@ -71,10 +80,10 @@ def section_loops(subject: ModelSubject) -> Section | None:
                 small_loops_figure,
                 f"The {count} smallest loops, each in a panel of its own scale: measured samples "
                 "as grey points, the model as blue lines.",
-                "Small loops, which are not visible in the panels above, each in its own scale.",
+                "Small loops, which are not visible in the first picture, each in its own scale.",
             )
         )
-    return Section("loops", "Measured and modelled loops", tuple(blocks))
+    return Section("loops", "Hysteresis of the loops", tuple(blocks))
 
 
 VISIBLE_HEIGHT_SHARE = 0.01

@@ -37,6 +37,7 @@ from anhyst.support.page import (
     make_table,
     typeset,
 )
+from anhyst.support.wording import capitalise
 
 GAP_MAP_TEXTS: Mapping[str, str] = {
     "none": "No parameter depends on the scheduling variable.",
@@ -196,7 +197,7 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = []
     if reason:
         reason = reason.replace("inf %", "cannot be computed")
-        blocks.append(Text(reason[:1].upper() + reason[1:] + "."))
+        blocks.append(Text(capitalise(reason) + "."))
     if withheld_errors:
         finite_errors = [error for error in withheld_errors.values() if math.isfinite(error)]
         largest_error = max(finite_errors) if len(finite_errors) > 1 else 0.0
@@ -246,7 +247,7 @@ def section_laws(subject: ModelSubject) -> Section | None:
         f"better by more than its scatter. In % of {subject.full_scale_text}."
     )
     head = ["law", "map", "", "parameters", "rms deviation", "withheld"]
-    reason_text = Text(reason[:1].upper() + reason[1:] + ".")
+    reason_text = Text(capitalise(reason) + ".")
     law_table = make_table("Laws compared", head, rows, caption, texts=3)
     return Section("laws", "Comparison of hysteresis laws", (reason_text, law_table))
 

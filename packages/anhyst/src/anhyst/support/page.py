@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -115,6 +115,8 @@ def make_table(
 
 
 TEMPLATE = "page.html.j2"
+MAX_TILES = 3
+"""Maximum number of figures at the head of a page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,20 +130,46 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Headline:
-    """The head of a page: description, verdict and key figures."""
+    """The head of a page, answer first: a verdict in words, at most :data:`MAX_TILES` figures, one picture.
+
+    Notes on an error are shown before the verdict, other notes after the picture. The comparison is
+    the first table of the page.
+    """
 
     title: str
     description: str
     basis: str
-    notes: tuple[Note, ...]
+    verdict: Note
     tiles: tuple[Tile, ...]
+    picture: Picture | None
     comparison: PageTable | None
     validity: str
+    notes: tuple[Note, ...] = ()
 
 
-def render_page(head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str) -> str:
-    """Return the HTML text of a page."""
-    return _load_template().render(head=head, sections=sections, version=version, kind=kind, source=source)
+def render_page(
+    head: Headline, sections: Sequence[Section | None], version: str, *, kind: str, source: str
+) -> str:
+    """Return the HTML text of a page; sections without content are omitted."""
+    filled_sections = [section for section in sections if section is not None and section.blocks]
+    return _load_template().render(
+        head=head,
+        sections=list(_pictures_first(head, filled_sections)),
+        version=version,
+        kind=kind,
+        source=source,
+    )
+
+
+def _pictures_first(head: Headline, sections: Sequence[Section]) -> Iterator[Section]:
+    """Yield the sections with pictures, one section with all their tables, and all other sections."""
+    illustrated = [section for section in sections if any(isinstance(b, Picture) for b in section.blocks)]
+    tables = [block for section in illustrated for block in section.blocks if isinstance(block, PageTable)]
+    for section in illustrated:
+        yield replace(section, blocks=tuple(b for b in section.blocks if not isinstance(b, PageTable)))
+    if tables or head.comparison:
+        yield Section("tables", "Tables", (*filter(None, [head.comparison]), *tables))
+    yield from (section for section in sections if section not in illustrated)
 
 
 @cache

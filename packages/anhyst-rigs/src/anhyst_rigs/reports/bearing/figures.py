@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,8 +39,9 @@ from anhyst_rigs.study.engine.table import Interval
 Recordings = Mapping[MethodName, Recording]
 """Recordings of the same scenario, by variant."""
 
-_SHOWN_BEFORE_S = 2e-3  # time that is drawn before a step, s
-_SHOWN_AFTER_S = 0.02
+WINDOW_TO_SETTLING = 1.25
+"""Time that is drawn after a step, relative to the longest settling time of the curves."""
+_BEFORE_TO_AFTER = 0.1  # time that is drawn before a step, relative to the time after it
 _MAX_SEGMENT_TICKS = 4096  # largest length of a segment for a spectrum, ticks
 _SPECTRUM_BINS = 120  # number of frequency bins in a spectrum
 
@@ -52,6 +53,19 @@ class StepPanel:
     step: ReferenceStep  # the step, with its ticks in the recordings
     recordings: Recordings  # recording of each variant
     overshoot: Mapping[MethodName, Interval]  # overshoot over the noise seeds, % of the height
+    shown_s: float  # time after the step that is drawn, s
+
+    @property
+    def time_limits_ms(self) -> tuple[float, float]:
+        """Limits of the time axis, relative to the step, ms."""
+        return -1e3 * _BEFORE_TO_AFTER * self.shown_s, 1e3 * self.shown_s
+
+    def cut(self, recording: Recording) -> Recording:
+        """Return the part of a recording that is drawn."""
+        tick = recording["t_s"][1] - recording["t_s"][0]
+        before, after = (round(factor * self.shown_s / tick) for factor in (_BEFORE_TO_AFTER, 1.0))
+        first_tick = max(self.step.begin - before, 0)
+        return recording.slice_ticks(first_tick, min(self.step.end, self.step.begin + after))
 
     @property
     def gap(self) -> float:
@@ -64,7 +78,7 @@ def figure_steps(panels: Sequence[StepPanel]) -> Figure:
     """Draw step responses (paper, Fig. 11): one panel per step, each with its deviation below."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
-    figure = new_figure(4.8 * rows, width=4.8 * columns)
+    figure = new_figure(4.8 * rows)
     axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=(3, 1.4) * rows)
     step_axes, deviation_axes = axes[::2].ravel(), axes[1::2].ravel()
     for ax in (*step_axes[len(panels) :], *deviation_axes[len(panels) :]):
@@ -75,13 +89,20 @@ def figure_steps(panels: Sequence[StepPanel]) -> Figure:
     return figure
 
 
+def window_s(settling_times: Iterable[float], hold_s: float) -> float:
+    """Return the time that is drawn, s: beyond the longest settling time, at most the hold.
+
+    The whole hold is drawn if a curve does not settle, or if no settling time is known.
+    """
+    longest = max(settling_times, default=math.inf)
+    return min(WINDOW_TO_SETTLING * longest, hold_s) if longest > 0.0 else hold_s
+
+
 def _cut_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, Recording]:
     """Return the time relative to the step in ms, and the part of a recording that is drawn."""
-    step, recording = panel.step, panel.recordings[name]
-    tick = recording["t_s"][1] - recording["t_s"][0]
-    first_tick = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
-    run = recording.slice_ticks(first_tick, min(step.end, step.begin + round(_SHOWN_AFTER_S / tick)))
-    return 1e3 * (run["t_s"] - recording["t_s"][step.begin]), run
+    recording = panel.recordings[name]
+    run = panel.cut(recording)
+    return 1e3 * (run["t_s"] - recording["t_s"][panel.step.begin]), run
 
 
 def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
@@ -102,7 +123,7 @@ def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
     ax.axhline(0.0, color=INK_COLOUR, lw=0.9)
     limit = max(1.2 * max_deviation, 2.0 * band)
     ax.set_ylim(-limit, limit)
-    ax.set_xlim(-1e3 * _SHOWN_BEFORE_S, 1e3 * _SHOWN_AFTER_S)
+    ax.set_xlim(panel.time_limits_ms)
     ax.set_xlabel("time (ms)")
     ax.set_ylabel("deviation (% of height)")
 
@@ -123,7 +144,7 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
     axis_low, axis_high = ax.get_ylim()
     if sign < 0.0:
         ax.set_ylim(axis_low - 0.1 * (axis_high - axis_low), axis_high)
-    ax.set_xlim(-1e3 * _SHOWN_BEFORE_S, 1e3 * _SHOWN_AFTER_S)
+    ax.set_xlim(panel.time_limits_ms)
     ax.tick_params(labelbottom=False)
     ax.set_ylabel("position (µm)")
     direction_text = "up" if sign > 0.0 else "down"

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.support.kinds import MethodName
-from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, format_number
+from anhyst.support.page import NBSP, Block, Headline, Note, Picture, Section, Text, Tile, format_number
+from anhyst.support.wording import capitalise
 from anhyst_rigs.reports.bearing.block_diagram import figure_structure
 from anhyst_rigs.reports.bearing.figures import (
+    StepPanel,
     figure_bode,
     figure_force_current,
     figure_forces,
@@ -20,11 +22,14 @@ from anhyst_rigs.reports.bearing.figures import (
     figure_tracking,
 )
 from anhyst_rigs.reports.bearing.subject import (
+    OVERSHOOT_METRIC,
+    SETTLING,
+    STANDSTILL_OF_STEP,
     SimulationSubject,
     benefit_table,
     experiment_tables,
     margin_table,
-    overshoot_text,
+    metric_text,
     settling_sentence,
     standstill_tables,
     step_tables,
@@ -39,22 +44,20 @@ from anhyst_rigs.reports.study.page import (
 )
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.study.bearing.linear import find_zone
-from anhyst_rigs.study.bearing.responses import OVERSHOOT, StepComparison, judge_steps
-from anhyst_rigs.study.engine.table import strongest_baseline
-
-_MAX_TILES = 4
+from anhyst_rigs.study.bearing.responses import StepComparison, judge_steps
+from anhyst_rigs.study.engine.table import Metric, strongest_baseline
 
 
 def render(subject: SimulationSubject) -> str:
     """Return the text of the report; the same subject always gives the same text."""
     sections = (
-        structure_section(subject.rig, subject.controller, subject.all_variants),
         _step_section(subject),
         _force_section(subject),
         _loop_section(subject),
         _tracking_section(subject),
         _standstill_section(subject),
         _frequency_section(subject),
+        structure_section(subject.rig, subject.controller, subject.all_variants),
         origin_section(subject.files, subject.command, subject.rig.settings.seed),
     )
     return page_text("Magnetic bearing", _headline(subject), sections)
@@ -69,14 +72,14 @@ def _headline(subject: SimulationSubject) -> Headline:
     )
     if subject.steps:
         basis += f"; intervals are those of 95 % confidence over {subject.seeds} noise seeds"
-    verdicts = [verdict_note(judge_steps(subject.steps, subject.variant))] if subject.steps else []
-    notes = (*verdicts, *subject.notes, *_loss_notes(subject))
     return Headline(
         title=plant.name,
         description=f"{plant_text(subject.rig)}; {control}.",
         basis=f"{basis}.",
-        notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
-        tiles=_overshoot_tiles(subject),
+        verdict=verdict_note(judge_steps(subject.steps, subject.variant)),
+        notes=(*_loss_notes(subject), *subject.notes),
+        tiles=tuple(_tiles(subject)),
+        picture=_picture_of_steps("answer", subject.panels[-1:], subject.seeds) if subject.panels else None,
         comparison=benefit_table(subject),
         validity="These results apply only to this plant, its iron and these settings. The gain "
         "of compensation depends on loop width, reversible fraction and step height.",
@@ -93,33 +96,30 @@ def plant_text(rig: BodyRig) -> str:
     )
 
 
-def _overshoot_tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
-    """Return the overshoot at the operating gap by step height, also of the best baseline."""
-    tiles = []
-    gap = subject.rig.settings.gap_m
-    for step in subject.steps:
-        overshoot = step.figure(OVERSHOOT).get(subject.variant)
-        if overshoot is None or math.isnan(overshoot.mean):
+def _tiles(subject: SimulationSubject) -> Iterable[Tile]:
+    """Yield overshoot, settling time and standstill of the largest step at the operating gap."""
+    steps = [step for step in subject.steps if step.gap == subject.rig.settings.gap_m]
+    for metric in (OVERSHOOT_METRIC, SETTLING, STANDSTILL_OF_STEP) if steps else ():
+        step = max(steps, key=lambda step: step.height)
+        interval = step.figure(metric.key).get(subject.variant)
+        if interval is None or math.isnan(interval.mean):
             continue
-        if step.gap == gap and step.load == subject.steps[0].load:
-            tiles.append(
-                Tile(
-                    f"{format_number(overshoot.mean, 2)}{NBSP}%",
-                    f"overshoot, {1e6 * step.height:g}{NBSP}µm",
-                    "; ".join(_overshoot_comparison(step, subject.variant)),
-                )
-            )
-    return tuple(tiles[:_MAX_TILES])
+        value = "never" if math.isinf(interval.mean) else format_number(metric.factor * interval.mean, 2)
+        yield Tile(
+            value if value == "never" else f"{value}{NBSP}{metric.unit}",
+            f"{metric.title.lower()}, {1e6 * step.height:g}{NBSP}µm step",
+            "; ".join(_comparison(step, subject.variant, metric)),
+        )
 
 
-def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable[str]:
-    """Yield texts with the overshoots of a variant, the strongest baseline, and measured flux."""
-    yield f"{variant}: {overshoot_text(step, variant)}"
-    baseline = strongest_baseline(step.figure(OVERSHOOT))
+def _comparison(step: StepComparison, variant: MethodName, metric: Metric) -> Iterable[str]:
+    """Yield texts with a metric of a variant, of the strongest baseline, and of measured flux."""
+    yield f"{variant}: {metric_text(step, variant, metric)}"
+    baseline = strongest_baseline(step.figure(metric.key))
     if baseline not in (None, variant):
-        yield f"best without hysteresis model ({baseline}): {overshoot_text(step, baseline)}"
+        yield f"best without hysteresis model ({baseline}): {metric_text(step, baseline, metric)}"
     if "flux" in step.cells and variant != "flux":
-        yield f"measured flux: {overshoot_text(step, 'flux')}"
+        yield f"measured flux: {metric_text(step, 'flux', metric)}"
 
 
 def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
@@ -133,10 +133,6 @@ def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
     if runs:
         text = f"{'; '.join(runs)}. A metric has no mean if one of its runs was lost."
         yield Note("bad", "Levitation lost", text)
-
-
-def _capitalise(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def structure_section(
@@ -163,22 +159,25 @@ def structure_section(
     )
 
 
+def _picture_of_steps(key: str, panels: Sequence[StepPanel], seeds: int) -> Picture:
+    """Return the picture of one or more steps."""
+    names = sort_for_report({name for panel in panels for name in panel.recordings})
+    return picture(
+        figure_steps(panels),
+        key,
+        f"Step responses, position against time, one panel per step: {', '.join(names)}.",
+        "Step responses with and without compensation (the paper's Fig. 11), one run of "
+        f"{seeds}; overshoot in the legends is the mean over all of them, in % of "
+        "the height. The grey band is 2 % of the height. True position; upwards closes "
+        "the gap. Below each, how far it is from the reference, enlarged. Above zero, it is "
+        "beyond the reference.",
+    )
+
+
 def _step_section(subject: SimulationSubject) -> Section:
-    blocks: list[Block] = []
-    if subject.panels:
-        names = sort_for_report({name for panel in subject.panels for name in panel.recordings})
-        blocks.append(
-            picture(
-                figure_steps(subject.panels),
-                "steps",
-                f"Step responses, position against time, one panel per step: {', '.join(names)}.",
-                "Step responses with and without compensation (the paper's Fig. 11), one run of "
-                f"{subject.seeds}; overshoot in the legends is the mean over all of them, in % of "
-                "the height. The grey band is 2 % of the height. True position; upwards closes "
-                "the gap. Below each, how far it is from the reference, enlarged. Above zero, it is "
-                "beyond the reference.",
-            )
-        )
+    blocks: list[Block] = (
+        [_picture_of_steps("steps", subject.panels, subject.seeds)] if subject.panels else []
+    )
     if sentence := settling_sentence(subject):
         blocks.append(Text(sentence))
     blocks += step_tables(subject)
@@ -232,9 +231,9 @@ def _tracking_section(subject: SimulationSubject) -> Section:
             picture(
                 figure_tracking(tracking.recordings, tracking.title),
                 f"tracking{index}",
-                f"{_capitalise(tracking.title)}: position over time and its error, "
+                f"{capitalise(tracking.title)}: position over time and its error, "
                 f"{', '.join(sort_for_report(tracking.recordings))}.",
-                f"{_capitalise(tracking.title)}. True position; one run of {subject.seeds}.",
+                f"{capitalise(tracking.title)}. True position; one run of {subject.seeds}.",
             )
         )
     if subject.experiments is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +12,15 @@ from anhyst.control.controller_file import ControllerTable
 from anhyst.data.speeds import select_slow_loops
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import MINUS, NBSP, UNKNOWN_TEXT, Cell, Note, PageTable, format_number, make_table
-from anhyst_rigs.reports.bearing.figures import LoopCurve, Response, StepPanel, identified_loop, nearest_loops
+from anhyst.support.wording import capitalise
+from anhyst_rigs.reports.bearing.figures import (
+    LoopCurve,
+    Response,
+    StepPanel,
+    identified_loop,
+    nearest_loops,
+    window_s,
+)
 from anhyst_rigs.reports.study.page import (
     TerminalSummary,
     case_table,
@@ -23,8 +31,7 @@ from anhyst_rigs.reports.study.page import (
 from anhyst_rigs.rig.bearing.held import levitation_loss_time
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.loop import ReferenceStep, Scenario, SimulatedLoop
+from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.experiments import ExperimentFigures, Experiments, VariantFigures
@@ -103,7 +110,6 @@ class SimulationSubject:
         return f"{height_and_gap}, {step.load:g}{NBSP}N" if has_several_loads else height_and_gap
 
 
-_SHOWN_S = 0.03  # length of the part of a step that is drawn, s
 _FORCE_VARIANTS = (
     "ratio",
     "single-valued",
@@ -124,13 +130,12 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         StepPanel(
             step,
             complete_runs,
-            next(
-                step_figures.figure(OVERSHOOT)
-                for height, step_figures in steps_at_gap.items()
-                if np.isclose(height, step.height)
-            ),
+            compared.figure(OVERSHOOT),
+            window_s(_mean_times(compared.cells.values(), SETTLING), (step.end - step.begin) * rig.dt),
         )
         for step in upward_steps
+        for height, compared in steps_at_gap.items()
+        if np.isclose(height, step.height)
     )
     standstill_plan = experiments.plan_standstill(simulation.setups[simulation.main_variant])
     shown_runs = {
@@ -138,6 +143,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         for name, run in complete_runs.items()
         if name in (*_FORCE_VARIANTS, simulation.main_variant)
     }
+    last_step = {name: panels[-1].cut(run) for name, run in shown_runs.items()} if panels else {}
     linear_gain, linear_sensitivity = _linear_responses(simulation)
     has_one_magnet = len(rig.settings.body_magnets) == 1
     loops, current = (select_slow_loops(simulation.knowledge.loops), rig.settings.measurement.current_max_A)
@@ -147,13 +153,13 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         seeds=settings.noise_seeds,
         panels=panels,
         steps=steps,
-        forces=_cut_around_step(shown_runs, rig.dt, upward_steps[-1]),
-        run=_cut_around_step(shown_runs, rig.dt, upward_steps[-1]) if has_one_magnet else {},
+        forces=last_step,
+        run=last_step if has_one_magnet else {},
         measured_loops=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
         identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
         if has_one_magnet
         else None,
-        tracked=tuple(runs for runs in _run_tracking(simulation.setups, settings) if runs.recordings),
+        tracked=tuple(runs for runs in _run_tracking(simulation) if runs.recordings),
         standstill_runs=_run_variants(simulation.setups, *standstill_plan),
         sensitivity={
             name: Response(response.frequency, response.ratio)
@@ -170,18 +176,16 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         files=file_hashes([rig.path, simulation.controller.path, *rig.measured_loops.files]),
         command=command,
         notes=(
-            Note("info", "The plant", f"{'; '.join(simulation.plant.report_lines)}."),
-            *(Note("warn", "The plant", f"{text}.") for text in simulation.plant.warnings),
+            Note("info", "The plant", f"{capitalise('; '.join(simulation.plant.report_lines))}."),
+            *(Note("warn", "The plant", f"{capitalise(text)}.") for text in simulation.plant.warnings),
         ),
     )
 
 
-def _cut_around_step(
-    runs: Mapping[MethodName, Recording], tick: float, step: ReferenceStep
-) -> Mapping[MethodName, Recording]:
-    """Return the part of each recording around a step."""
-    first_tick, last_tick = step.begin - round(0.1 * _SHOWN_S / tick), step.begin + round(_SHOWN_S / tick)
-    return {name: run.slice_ticks(first_tick, min(last_tick, step.end)) for name, run in runs.items()}
+def _mean_times(cells: Iterable[CaseFigures], metric: Metric) -> list[float]:
+    """Return the mean times of the variants that lost no run, s; infinite if one never settles."""
+    intervals = (cell.figures.get(metric.key) for cell in cells)
+    return [interval.mean for interval in intervals if interval is not None]
 
 
 def _linear_responses(
@@ -220,16 +224,18 @@ def _run_variants(
     return recordings
 
 
-def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) -> Iterator[Tracking]:
+def _run_tracking(simulation: Simulation) -> Iterator[Tracking]:
     """Simulate the trajectories and load steps for the figures."""
+    setups, settings = simulation.setups, simulation.rig.settings
     setup = next(iter(setups.values()))
     for trajectory in settings.trajectories:
         recordings = _run_variants(setups, *experiments.plan_trajectory(setup, trajectory))
         amplitude = f"{1e6 * trajectory.amplitude_m:g}{NBSP}µm"
         yield Tracking(f"{trajectory.kind} of {amplitude} at {trajectory.frequency_Hz:g}{NBSP}Hz", recordings)
-    for force in settings.load_steps_N:
+    for force, by_variant in simulation.experiments.load_steps:
         scenario, begin = experiments.plan_load_step(setup, force)
-        ticks = round(0.1 / setup.rig.dt)
+        hold_s = (scenario.ticks - begin) * setup.rig.dt
+        ticks = round(window_s(_mean_times(by_variant.values(), RECOVERY), hold_s) / setup.rig.dt)
         recordings = {
             name: run.slice_ticks(0, ticks) for name, run in _run_variants(setups, scenario, begin).items()
         }
@@ -238,6 +244,7 @@ def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) 
 
 WITHIN_NOISE = "≤ noise"
 """Remark on an overshoot that is not significantly larger than the noise at standstill."""
+OVERSHOOT_METRIC = Metric(OVERSHOOT, "Overshoot", "%")
 SETTLING = Metric("settling_in_noise_s", "Settling time", "ms", 1e3)
 STANDSTILL_OF_STEP = Metric("standstill_rms_m", "Standstill", "nm", 1e9)
 STEADY_ERROR = Metric("steady_error_m", "Steady-state error", "nm", 1e9)
@@ -247,7 +254,7 @@ _DELAY_NOTE = (
     "the amplifier, which no compensation removes."
 )
 STEP_TABLES: Mapping[Metric, str] = {
-    Metric(OVERSHOOT, "Overshoot", "%"): "Relative to the height of the step, noise included; the larger "
+    OVERSHOOT_METRIC: "Relative to the height of the step, noise included; the larger "
     f"of a step up and one down. “{WITHIN_NOISE}”: not significantly above the noise in the next table, "
     "so that it may be only noise.",
     Metric(NOISE, "Noise in the overshoot", "%"): "Largest deviation of the gap from its mean in "
@@ -296,9 +303,10 @@ def _noise_remark(step_cell: CaseFigures) -> str:
     return WITHIN_NOISE if is_noise else ""
 
 
-def overshoot_text(step: StepComparison, name: MethodName) -> str:
-    """Return the overshoot of a variant as text, with a remark if it may be only noise."""
-    return f"{interval_text(step.figure(OVERSHOOT)[name], '%')} {_noise_remark(step.cells[name])}".rstrip()
+def metric_text(step: StepComparison, name: MethodName, metric: Metric = OVERSHOOT_METRIC) -> str:
+    """Return a metric of a variant as text; an overshoot has a remark if it may be only noise."""
+    text = interval_text(step.figure(metric.key)[name], metric.unit, metric.factor)
+    return f"{text} {_noise_remark(step.cells[name])}".rstrip() if metric == OVERSHOOT_METRIC else text
 
 
 def benefit_table(subject: SimulationSubject) -> PageTable | None:
@@ -309,7 +317,7 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
         return None
     rows: list[list[str | Cell]] = []
     for step in steps:
-        table_row: list[str | Cell] = [subject.step_text(step), overshoot_text(step, subject.variant)]
+        table_row: list[str | Cell] = [subject.step_text(step), metric_text(step, subject.variant)]
         for name in baselines:
             has_step = name in step.cells
             difference = compare_overshoots(step, subject.variant, name) if has_step else None
@@ -325,8 +333,8 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
         "overshoot of the baseline in the heading of the column. “+0.5 points”: more than the "
         "baseline, in percentage points of the height. “Equal”: the difference is within the 95 % "
         "confidence intervals, or less than the noise of one of the two at standstill. "
-        f"“{WITHIN_NOISE}”: not significantly more than this noise. Section 2 lists the "
-        "overshoot of each baseline.",
+        f"“{WITHIN_NOISE}”: not significantly more than this noise. A later table "
+        "lists the overshoot of each baseline.",
     )
 
 
@@ -342,7 +350,7 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
         main_mark = " *" if name == simulation.main_variant else ""
-        rows.append([f"{name}{main_mark}", *(overshoot_text(step, name) for step in steps), *other_cells])
+        rows.append([f"{name}{main_mark}", *(metric_text(step, name) for step in steps), *other_cells])
     heights = [f"{1e6 * step.height:g} µm" for step in steps]
     overshoots = make_table(
         f"Overshoot of steps at {1e3 * file.gap_m:g} mm",

@@ -38,6 +38,7 @@ from anhyst.support.page import (
     make_table,
     render_page,
 )
+from anhyst.support.wording import capitalise
 from anhyst_rigs.study.engine.table import (
     VERDICT_TITLES,
     CaseFigures,
@@ -150,8 +151,8 @@ _TONE_OF_LEVEL: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "w
 
 def verdict_note(judgement: Judgement) -> Note:
     """Return a note with a verdict."""
-    text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
-    return Note(_TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level], text)
+    tone, title = _TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level]
+    return Note(tone, title, f"{capitalise(judgement.text)}.")
 
 
 BOX_WIDTH_IN = 2.02
@@ -272,9 +273,8 @@ class TerminalSummary(NamedTuple):
 def page_text(
     kind: str, headline: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
-    """Return the page of a study; sections without content are omitted."""
-    filled_sections = [section for section in sections if section is not None and section.blocks]
-    return render_page(headline, filled_sections, running_version(), kind=kind, source=source)
+    """Return the page of a study."""
+    return render_page(headline, sections, running_version(), kind=kind, source=source)
 
 
 def write_page(path: PathLike, text: str) -> None:

@@ -434,7 +434,7 @@ def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgeme
     compared = _compare_with(steps, model, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps])
     if not compared:
         return Judgement("unknown", f"{model} or every baseline lost levitation at every step")
-    judgement = judge_against_baselines(model, compared, "steps", BENEFICIAL_CONDITIONS["feedback"])
+    judgement = judge_against_baselines(model, compared, "overshoots", BENEFICIAL_CONDITIONS["feedback"])
     flux_comparisons = _compare_with(steps, model, ["flux"] * len(steps))
     if not flux_comparisons:
         return judgement

@@ -208,7 +208,7 @@ def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, metri
             comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio)
         )
         range_text = (
-            f", {_format_range(sorted_ratios[0], sorted_ratios[-1])} of {names}"
+            f", {_format_range(sorted_ratios[0], sorted_ratios[-1])} times that of {names}"
             if sorted_ratios
             else f", against {names}"
         )
@@ -218,7 +218,9 @@ def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, metri
         by_baseline.setdefault(comparison.baseline, []).append(
             f"{comparison.title} {_format_ratio(comparison.ratio)}"
         )
-    return ", ".join(f"{', '.join(ratio_texts)} of '{name}'" for name, ratio_texts in by_baseline.items())
+    return ", ".join(
+        f"{', '.join(ratio_texts)} times that of '{name}'" for name, ratio_texts in by_baseline.items()
+    )
 
 
 def _format_ratio(ratio: float) -> str:
