@@ -24,6 +24,7 @@ from tests.link.foreign import slaves
 from tests.link.foreign.slaves import a2l_text
 from tests.live.board import running
 from tests.live.conftest import Serve, Served, Show, wait_for
+from tests.live.test_page import until
 from tests.refusals import says
 from tests.rig import forces
 
@@ -174,15 +175,14 @@ def test_the_page_searches_chooses_and_changes_variables(
         page.get_by_label("tick as signal").wait_for(state="detached")
         page.get_by_label("par_gain as signal").check()
         page.locator("#choose").click()
-        page.wait_for_function("window.anhyst.bench.signals.some((one) => one.name === 'par_gain')")
+        until(page, "window.anhyst.bench.signals.some((one) => one.name === 'par_gain')")
         page.keyboard.press("4")
-        field = page.locator("#parameters").get_by_label("par_gain")
+        field = page.locator("#parameters").get_by_label("par_gain", exact=True)
         field.fill("7.5")
         page.get_by_role("button", name="Apply").click()
         column = "window.anhyst.bench.signals.findIndex((one) => one.name === 'par_gain')"
-        page.wait_for_function(f"window.anhyst.store.value({column}, window.anhyst.store.count - 1) === 7.5")
-        page.keyboard.press("Escape")
-        wait_for(lambda: page.get_by_text("knows no command").count() > 0)
+        until(page, f"window.anhyst.store.value({column}, window.anhyst.store.count - 1) === 7.5")
+        assert "no stop" in str(page.locator("#stop").get_attribute("title"))
         assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
         page.screenshot(path=str(tmp_path / "variables.png"))
 

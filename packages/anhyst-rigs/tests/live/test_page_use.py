@@ -179,7 +179,7 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
     assert picture.value.suggested_filename.startswith("bearing-scope-")
     drawn = matplotlib.image.imread(io.BytesIO(picture.value.path().read_bytes()))
     assert drawn.shape[0] > 400
-    assert drawn.shape[1] > 1000
+    assert drawn.shape[1] > 800
     assert len(np.unique(drawn.reshape(-1, drawn.shape[2]), axis=0)) > 10  # not empty
     page.keyboard.press("5")
     assert page.get_by_role("button", name="PNG", exact=True).is_disabled()

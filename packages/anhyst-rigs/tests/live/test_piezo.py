@@ -71,7 +71,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     state_is(page, "ready")
     tabs = [tab.text_content() for tab in page.locator("#tabs button").all() if tab.is_visible()]
     assert [str(tab).split()[1] for tab in tabs] == [
-        "Scope", "Loop", "Steps", "Parameters", "Log", "Levitation", "Spectrum", "response",
+        "Scope", "Loop", "Steps", "Parameters", "Log", "Levitation", "Spectrum",
     ]  # fmt: skip
     assert "Run" in page.locator("#next").inner_text()
     assert seen(page, "[...page.scope.plot.names]") == ["error", "force", "voltage"]

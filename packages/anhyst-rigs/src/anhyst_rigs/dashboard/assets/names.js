@@ -38,8 +38,16 @@ const WORDS = {
 const MEASURED = /_read$/;
 const INDEX = /_(r?[xyz]|\d+)$/;
 
+let isOurs = true; // whether identifiers have the meanings of WORDS
+
+// Sets whether identifiers have our meanings; those of a foreign firmware are shown as they are.
+export function chooseNames({ catalogue }) {
+  isOurs = !catalogue;
+}
+
 // Returns the readable name and the symbol of a signal or parameter.
 export function describe({ name, unit }) {
+  if (!isOurs) return { label: name, symbol: "" };
   let base = name;
   const take = (pattern) => {
     const found = pattern.exec(base);

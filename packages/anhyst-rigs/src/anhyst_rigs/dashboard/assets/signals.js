@@ -1,7 +1,7 @@
 // The signals of the bench: their columns, readable names, lines and noise.
 
 import { lines } from "./colours.js";
-import { describe } from "./names.js";
+import { chooseNames, describe } from "./names.js";
 import { show, shown } from "./units.js";
 
 // Returns the column of a signal, or -1 if it does not exist.
@@ -11,9 +11,10 @@ export function columnOf(bench, name) {
 
 // Adds the column, the readable name, the symbol, the line and the names of its values to each signal of a bench.
 export function label(bench) {
+  chooseNames(bench);
   const styles = lines(bench);
   for (const [column, signal] of bench.signals.entries())
-    Object.assign(signal, { column, values: NAMED[signal.name]?.(bench), ...describe(signal), ...styles.get(signal.name) });
+    Object.assign(signal, { column, values: bench.catalogue ? null : NAMED[signal.name]?.(bench), ...describe(signal), ...styles.get(signal.name) });
 }
 
 // The names of the values of a signal that is a number of a state.
