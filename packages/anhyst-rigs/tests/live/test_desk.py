@@ -325,20 +325,3 @@ def test_on_a_telephone_the_plot_is_first(page: Page) -> None:
     below = page.locator("#signals").bounding_box()
     assert below is not None
     assert below["y"] > plot["y"] + plot["height"]
-
-
-@pytest.mark.parametrize("width", [1440, 390])
-def test_axe_finds_no_serious_fault(page: Page, width: int) -> None:
-    axe = pytest.importorskip(
-        "axe_core_python.sync_playwright", reason="axe-core-python is not installed"
-    ).Axe()
-    page.set_viewport_size({"width": width, "height": 900})
-    for view in ("scope", "parameters", "log", "levitation", "desk 0"):
-        page.locator(f"[data-view='{view}']").click()
-        found = axe.run(page)["violations"]
-        serious = [
-            (one["id"], [node["html"][:120] for node in one["nodes"]])
-            for one in found
-            if one["impact"] in ("serious", "critical")
-        ]
-        assert serious == [], view

@@ -180,6 +180,6 @@ export function table(context, settings, save) {
       for (const [m, text] of texts.entries()) body.rows[n].cells[m + 1].textContent = text;
     }
   }, 250);
-  const element = make("div", { className: "scroll" }, make("table", {}, make("thead", {}, head), body));
+  const element = make("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "table of signals" }, make("table", {}, make("thead", {}, head), body));
   return { element, tools: [add], draw, drop: (name) => keep([...new Set([...names, name])]) };
 }
