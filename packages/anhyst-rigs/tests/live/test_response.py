@@ -152,3 +152,4 @@ def test_the_page_measures_and_saves_a_response(serve: Serve, show: Show, tmp_pa
     box = page.locator("#bode figure").first.bounding_box()
     assert box is not None
     assert box["width"] <= 390.0
+    assert box["height"] > 150.0

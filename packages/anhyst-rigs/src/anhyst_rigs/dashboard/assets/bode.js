@@ -8,6 +8,7 @@ import { Quantity } from "./quantity.js";
 const CURVES = { closed_loop: ["Closed loop", COLOURS[0]], sensitivity: ["Sensitivity", COLOURS[1]], plant: ["Plant", COLOURS[2]] };
 const CHOICES = { loop: ["closed_loop", "sensitivity"], plant: ["plant"] };
 const ZONES = [["A", 3], ["B", 4], ["C", 5]]; // largest peak of the sensitivity in each zone of ISO 14839-3
+const ZONE_TEXT_DB = 4; // room for the names of the zones above the highest limit
 const MIN_MOTION_PART = 1e-3; // smallest motion, relative to the largest
 const WITHOUT_PORT = "This rig cannot add a signal to its position reading, so its frequency response cannot be measured.";
 const EMPTY = "No frequency response yet. Lift the body, wait until it rests, and press Measure: a signal of 18 s measures 200 points from 1 Hz to 5 kHz.";
@@ -109,7 +110,7 @@ export class BodePanel {
       const plane = this.planes[n];
       const shown = curves.map((curve) => curve[kind].filter((value) => value !== null));
       const zones = kind === "decibel" && names.includes("sensitivity") ? ZONES.map(([, peak]) => decibel(peak)) : [];
-      const [low, high] = kind === "coherence" ? [0, 1.05] : limits(...shown, zones);
+      const [low, high] = kind === "coherence" ? [0, 1.05] : limits(...shown, zones, zones.slice(-1).map((level) => level + ZONE_TEXT_DB));
       plane.begin([xs[0], xs.at(-1), low, high]);
       for (const level of zones) plane.line([xs[0], xs.at(-1)], [level, level], ink("--soft"), 1, 0.6);
       if (zones.length) labelZones(plane, xs[0]);
@@ -195,7 +196,8 @@ function labelZones(plane, left) {
   context.font = "12px system-ui, sans-serif";
   context.fillStyle = ink("--soft");
   context.textAlign = "left";
-  for (const [name, peak] of ZONES) context.fillText(`${name}`, plane.x(left) + 4, plane.y(decibel(peak)) + 12);
+  const names = ZONES.map(([name, peak]) => `${name} < ${decibel(peak).toFixed(1)} dB`);
+  context.fillText(`ISO 14839-3: ${names.join(", ")}`, plane.x(left) + 4, plane.y(decibel(ZONES.at(-1)[1])) - 4);
 }
 
 function nearest(xs, x) {
