@@ -39,23 +39,29 @@ def lab_of_linear(rgb: FloatArray) -> FloatArray:
     return np.array((116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])))
 
 
-def difference(one: FloatArray, other: FloatArray) -> float:
+def difference(first_colour: FloatArray, second_colour: FloatArray) -> float:
     """Return the colour difference CIEDE2000 of two colours in L*a*b*."""
-    mean_c7 = (0.5 * (np.hypot(*one[1:]) + np.hypot(*other[1:]))) ** 7
+    mean_c7 = (0.5 * (np.hypot(*first_colour[1:]) + np.hypot(*second_colour[1:]))) ** 7
     stretch = 1.0 + 0.5 * (1.0 - np.sqrt(mean_c7 / (mean_c7 + 25.0**7)))
     chroma, hue = zip(
         *(
             (np.hypot(stretch * a, b), np.degrees(np.arctan2(b, stretch * a)) % 360.0)
-            for _, a, b in (one, other)
+            for _, a, b in (first_colour, second_colour)
         ),
         strict=True,
     )
     turn = (hue[1] - hue[0] + 180.0) % 360.0 - 180.0
     hue_difference = 2.0 * np.sqrt(chroma[0] * chroma[1]) * np.sin(np.radians(0.5 * turn))
-    mean_l, mean_c, mean_h = 0.5 * (one[0] + other[0]), 0.5 * sum(chroma), (hue[0] + 0.5 * turn) % 360.0
+    mean_l, mean_c, mean_h = (
+        0.5 * (first_colour[0] + second_colour[0]),
+        0.5 * sum(chroma),
+        (hue[0] + 0.5 * turn) % 360.0,
+    )
     t = 1.0 - 0.17 * np.cos(np.radians(mean_h - 30.0)) + 0.24 * np.cos(np.radians(2.0 * mean_h))
     t += 0.32 * np.cos(np.radians(3.0 * mean_h + 6.0)) - 0.20 * np.cos(np.radians(4.0 * mean_h - 63.0))
-    l_term = (other[0] - one[0]) / (1.0 + 0.015 * (mean_l - 50.0) ** 2 / np.sqrt(20.0 + (mean_l - 50.0) ** 2))
+    l_term = (second_colour[0] - first_colour[0]) / (
+        1.0 + 0.015 * (mean_l - 50.0) ** 2 / np.sqrt(20.0 + (mean_l - 50.0) ** 2)
+    )
     c_term = (chroma[1] - chroma[0]) / (1.0 + 0.045 * mean_c)
     h_term = hue_difference / (1.0 + 0.015 * mean_c * t)
     rotation = -2.0 * np.sqrt(mean_c**7 / (mean_c**7 + 25.0**7))
@@ -63,8 +69,11 @@ def difference(one: FloatArray, other: FloatArray) -> float:
     return float(np.sqrt(l_term**2 + c_term**2 + h_term**2 + rotation * c_term * h_term))
 
 
-def seen_difference(one: str, other: str, vision: str) -> float:
+def seen_difference(first_colour: str, second_colour: str, vision: str) -> float:
     """Return the colour difference CIEDE2000 that a kind of colour vision sees."""
     return difference(
-        *(lab_of_linear(np.array(VISIONS[vision]) @ linear_rgb(colour)) for colour in (one, other))
+        *(
+            lab_of_linear(np.array(VISIONS[vision]) @ linear_rgb(colour))
+            for colour in (first_colour, second_colour)
+        )
     )

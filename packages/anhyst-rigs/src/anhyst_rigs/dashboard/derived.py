@@ -18,8 +18,7 @@ from scipy.signal import lfilter
 
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.dashboard.recording import column_header
-from anhyst_rigs.rig.bench.protocol import Signal
+from anhyst_rigs.rig.bench.protocol import Signal, column_header
 
 MAX_DERIVED_SIGNALS = 8
 """Largest number of derived signals of a session."""

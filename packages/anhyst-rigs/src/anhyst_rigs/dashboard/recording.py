@@ -22,7 +22,7 @@ import orjson
 
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.bench.protocol import Signal, Subscription
+from anhyst_rigs.rig.bench.protocol import Signal, Subscription, column_header
 
 if TYPE_CHECKING:
     from anhyst_rigs.dashboard.derived import DerivedSignals
@@ -170,10 +170,6 @@ class MdfRecorder(RecordingFile):
         self._file.write(struct.pack("<Q", value))
 
 
-HEADERS = {"gap": "gap_m", "force": "F_N", "current": "I_A", "load": "load_N"}
-"""Column names that make a recording a valid measurement; other signals keep their names."""
-
-
 class CsvRecorder(RecordingFile):
     """A writer of complete lines to a CSV file that is readable even if the process is killed.
 
@@ -228,12 +224,6 @@ def _format_rows(table: FloatArray) -> bytes:
     for old, new in ((b"],[", b"\n"), (b".0,", b","), (b".0\n", b"\n"), (b"null", b"nan")):
         text = text.replace(old, new)
     return text
-
-
-def column_header(signal: Signal) -> str:
-    """Return the column header for a signal, including its unit."""
-    unit = signal.unit.replace("/", "_per_").replace("^", "")
-    return HEADERS.get(signal.name) or (f"{signal.name}_{unit}" if unit else signal.name)
 
 
 BUFFER_S = 10.0

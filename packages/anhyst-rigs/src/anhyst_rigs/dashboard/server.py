@@ -24,10 +24,10 @@ from anhyst_rigs.dashboard.connections import page_routes
 from anhyst_rigs.dashboard.derived import DerivedSignal
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, WAVE_SHAPES
 from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameters, perform
-from anhyst_rigs.dashboard.recording import BUFFER_S, column_header
+from anhyst_rigs.dashboard.recording import BUFFER_S
 from anhyst_rigs.dashboard.response import describe_response
 from anhyst_rigs.dashboard.session import WATCH_ONLY_REASON, LiveSession, refuse_all_orders
-from anhyst_rigs.rig.bench.protocol import Parameter, Signal
+from anhyst_rigs.rig.bench.protocol import Parameter, Signal, column_header
 from anhyst_rigs.study.improve import DrawnLoop
 from anhyst_rigs.study.response.result import FrequencyResponse
 

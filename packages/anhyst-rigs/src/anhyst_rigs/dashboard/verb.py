@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, begin_step
-from anhyst.support.kinds import COMPILED_FOLDER, file_kind
+from anhyst.support.kinds import COMPILED_FOLDER, FIRMWARE_FILE, file_kind
 from anhyst_rigs.dashboard.browsers import read_address
 from anhyst_rigs.dashboard.starting import serve_start_page
-from anhyst_rigs.link.foreign.elf import is_elf
-from anhyst_rigs.link.wire import controller_url
 
 if TYPE_CHECKING:
     from anhyst_rigs.dashboard.recording import RecordingFile
@@ -80,9 +78,7 @@ def live(
             code="option-not-for-this",
             key="--controller",
         )
-    if url is None and (
-        Path(rig).suffix.lower() == ".a2l" or is_elf(Path(rig)) or file_kind(rig) is COMPILED_FOLDER
-    ):
+    if url is None and file_kind(rig) in (COMPILED_FOLDER, FIRMWARE_FILE):
         raise InputError(
             f"{rig}: runs on a controller; name it with --xcp or --port", code="options-missing", key="--xcp"
         )
@@ -110,3 +106,12 @@ def live(
             session, recording = open_session(rig, controller, url, known, recording_path, report_progress)
         serve(session, title, listening_socket, token_text, started and partial(started, address, token_text))
     return recording
+
+
+def controller_url(xcp: str | None, port: str | None) -> str | None:
+    """Return the XCP URL of a controller (TCP or serial); None if neither is given."""
+    if xcp is not None and port is not None:
+        raise InputError(
+            "--port: one controller at a time; omit --port or --xcp", code="options-together", key="--port"
+        )
+    return port if xcp is None else f"socket://{xcp}"

@@ -327,12 +327,3 @@ def _file_descriptor(port: Any) -> int | None:
         return int(port.fileno()) if os.name == "posix" else None
     except (AttributeError, OSError):
         return None
-
-
-def controller_url(xcp: str | None, port: str | None) -> str | None:
-    """Return the XCP URL of a controller (TCP or serial); None if neither is given."""
-    if xcp is not None and port is not None:
-        raise InputError(
-            "--port: one controller at a time; omit --port or --xcp", code="options-together", key="--port"
-        )
-    return port if xcp is None else f"socket://{xcp}"

@@ -26,7 +26,7 @@ from anhyst.support.page import (
     format_number,
     make_table,
 )
-from anhyst.support.wording import key_in_words
+from anhyst.support.units import key_in_words
 from anhyst_rigs.reports.study.page import (
     COLOURS,
     TerminalSummary,

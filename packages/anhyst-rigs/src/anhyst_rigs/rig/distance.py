@@ -13,7 +13,7 @@ from anhyst.data import Loops
 from anhyst.data.loops import Loop
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
-from anhyst.support.wording import key_in_words
+from anhyst.support.units import key_in_words
 
 MAX_PLANT_TO_MODEL_DEVIATION = 1.1
 """Ratio of the mean deviations of plant and model; above it, the plant counts as less accurate."""

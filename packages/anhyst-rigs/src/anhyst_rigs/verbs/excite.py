@@ -128,7 +128,7 @@ def excite(
     """
     from anhyst.support.atomic import check_path, check_picture, write_figure
     from anhyst.support.errors import InputError
-    from anhyst_rigs.link.wire import controller_url
+    from anhyst_rigs.dashboard.verb import controller_url
     from anhyst_rigs.reports.excitation import figure_excitation, figure_response
     from anhyst_rigs.study.bench import measure_through_board
     from anhyst_rigs.study.excite.excite import excite as work

@@ -19,7 +19,7 @@ from anhyst_rigs.link.wire import Framing
 from anhyst_rigs.link.xcp import XcpLine
 from tests.once import made_once
 
-SOURCE = Path(__file__).with_name("slave.c")
+SOURCES = [Path(__file__).with_name(name) for name in ("slave.c", "memory.c")]
 
 MEASUREMENTS = {
     "tick": ("ULONG", "plain"),
@@ -108,7 +108,7 @@ def build(factory: pytest.TempPathFactory) -> Path:
     """Return the slave as a program with debug information at fixed addresses."""
 
     def make(folder: Path) -> None:
-        command = ["cc", "-O1", "-g", "-no-pie", "-o", str(folder / "slave"), str(SOURCE)]
+        command = ["cc", "-O1", "-g", "-no-pie", "-o", str(folder / "slave"), *map(str, SOURCES)]
         subprocess.run(command, check=True)
 
     return made_once(factory, "xcp-slave", make) / "slave"

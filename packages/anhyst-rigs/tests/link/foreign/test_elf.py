@@ -11,7 +11,8 @@ import pytest
 from elftools.elf.elffile import ELFFile
 
 from anhyst.support.errors import InputError
-from anhyst_rigs.link.foreign.elf import is_elf, read_elf
+from anhyst.support.kinds import is_elf
+from anhyst_rigs.link.foreign.elf import read_elf
 from anhyst_rigs.link.foreign.variables import Description
 from tests.once import made_once
 from tests.refusals import refused

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.link.foreign.variables import Variable
+from anhyst_rigs.link.foreign.variables import SlaveVariable
 from anhyst_rigs.rig.bench.foreign import ForeignBench
 from tests.link.foreign.slaves import RunningSlave, running
 from tests.refusals import refused
@@ -171,7 +171,7 @@ def test_a_wrong_stated_period_is_corrected_by_the_time_stamps(opened: Open) -> 
 def test_address_extensions_are_separate_memories(opened: Open, one_extension: int) -> None:
     """A variable of another extension is read from there, in an ODT of its own if necessary."""
     bench = opened(one_extension=one_extension)
-    extra = Variable("bank", 0x104, "<u4", extension=1)
+    extra = SlaveVariable("bank", 0x104, "<u4", extension=1)
     bench.description.variables["bank"] = extra
     bench.choose(["tick", "bank", "sig_f64"], [], None)
     rows = take(bench, 50)

@@ -84,6 +84,7 @@ PACKAGE_FOLDER = FileKind(
     "packages of ecosystems",
     use="compile again without --package for it",
 )
+FIRMWARE_FILE = FileKind("firmware", "the description of a firmware", "A2L and ELF files", ("live",))
 MEASUREMENT_FILE = FileKind(
     "measurement",
     "a measurement",
@@ -161,7 +162,8 @@ def explain_unusable(word: object) -> str:
 
 def accepted_kinds(verb: str) -> tuple[FileKind, ...]:
     """Return the kinds that the first argument of a command can have."""
-    all_kinds = (MODEL_FILE, *rig_kinds().values(), MEASUREMENT_FILE, COMPILED_FOLDER, CONTROLLER_PORT)
+    files = (MODEL_FILE, *rig_kinds().values(), MEASUREMENT_FILE, COMPILED_FOLDER, FIRMWARE_FILE)
+    all_kinds = (*files, CONTROLLER_PORT)
     return tuple(kind for kind in all_kinds if verb in kind.verbs)
 
 
@@ -198,10 +200,21 @@ def file_kind(path: PathLike) -> FileKind:
         return UNKNOWN_FILE
     if file.suffix.lower() in MEASUREMENT_SUFFIXES:
         return MEASUREMENT_FILE
+    if file.suffix.lower() == ".a2l" or is_elf(file):
+        return FIRMWARE_FILE
     try:
         return content_kind(tomllib.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError):
         return UNKNOWN_FILE
+
+
+def is_elf(path: Path) -> bool:
+    """Whether a file begins as an ELF file."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(4) == b"\x7fELF"
+    except OSError:
+        return False
 
 
 def _folder_kind(manifest: Path) -> FileKind:

@@ -572,3 +572,20 @@ def schedule_scale(quantity: Quantity | None) -> tuple[str, float]:
     if quantity.unit == "m":
         return f"{quantity.symbol} mm", 1e3
     return f"{quantity.symbol} {quantity.unit}", 1.0
+
+
+def key_in_words(key: str) -> str:
+    """Return the key of a file as words, for prose: its name, and its unit in brackets.
+
+    >>> key_in_words("iron_length_m"), key_in_words("resistance_ohm"), key_in_words("position_gain")
+    ('iron length [m]', 'resistance [Ω]', 'position gain')
+    """
+    name, _, unit = key.rpartition("_")
+    if unit not in _UNIT_SIGNS:
+        name, unit = split_header(key)
+    words = name.replace("_", " ")
+    return f"{words} [{_UNIT_SIGNS.get(unit, unit)}]" if unit else words
+
+
+_UNIT_SIGNS = {"ohm": "Ω", "percent": "%"}
+"""Units of keys that no column of a measurement has."""

@@ -144,25 +144,6 @@ def count_text(count: int, noun: str) -> str:
     return f"{count} {_IRREGULAR_PLURALS.get(noun, f'{noun}s')}"
 
 
-def key_in_words(key: str) -> str:
-    """Return the key of a file as words, for prose: its name, and its unit in brackets.
-
-    >>> key_in_words("iron_length_m"), key_in_words("resistance_ohm"), key_in_words("position_gain")
-    ('iron length [m]', 'resistance [Ω]', 'position gain')
-    """
-    from anhyst.support.units import split_header  # imported here because it raises worded errors
-
-    name, _, unit = key.rpartition("_")
-    if unit not in _UNIT_SIGNS:
-        name, unit = split_header(key)
-    words = name.replace("_", " ")
-    return f"{words} [{_UNIT_SIGNS.get(unit, unit)}]" if unit else words
-
-
-_UNIT_SIGNS = {"ohm": "Ω", "percent": "%"}
-"""Units of keys that no column of a measurement has."""
-
-
 def capitalise(text: str) -> str:
     """Return a text with a capital first letter; the other letters are unchanged."""
     return text[:1].upper() + text[1:]

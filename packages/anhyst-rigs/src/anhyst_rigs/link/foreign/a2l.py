@@ -8,21 +8,21 @@ from dataclasses import replace
 from pathlib import Path
 
 from anhyst.support.errors import InputError
-from anhyst_rigs.link.foreign.a2l_text import Block, read_blocks
+from anhyst_rigs.link.foreign.a2l_text import A2lBlock, read_blocks
 from anhyst_rigs.link.foreign.variables import (
     IDENTICAL,
     MAX_ADDRESS,
     MAX_ARRAY_ELEMENTS,
     BitField,
-    Conversion,
+    ConversionTable,
     Description,
     EventChannel,
     Linear,
     OmittedError,
     Rational,
+    RawConversion,
     SerialLine,
-    Table,
-    Variable,
+    SlaveVariable,
     names_text,
     require_variables,
 )
@@ -74,21 +74,21 @@ def read_a2l(path: Path) -> Description:
 class _ModuleReader:
     """The definitions of a MODULE that its quantities refer to."""
 
-    def __init__(self, path: Path, module: Block) -> None:
+    def __init__(self, path: Path, module: A2lBlock) -> None:
         self._path, self._module = path, module
         self._methods = self._by_name("COMPU_METHOD")
         self._tables = self._by_name("COMPU_TAB", "COMPU_VTAB", "COMPU_VTAB_RANGE")
         self._layouts = self._by_name("RECORD_LAYOUT")
-        common = next(module.inner("MOD_COMMON"), Block("MOD_COMMON", 0))
+        common = next(module.inner("MOD_COMMON"), A2lBlock("MOD_COMMON", 0))
         self._byte_order = (common.option("BYTE_ORDER") or ["MSB_LAST"])[0]
 
-    def _by_name(self, *keywords: str) -> Mapping[str, Block]:
+    def _by_name(self, *keywords: str) -> Mapping[str, A2lBlock]:
         return {block.items[0]: block for block in self._module.inner(*keywords) if block.items}
 
     def read_into(self, description: Description) -> None:
         """Add the variables of the module to a description."""
         description.is_big_endian = self._byte_order == "MSB_FIRST"
-        parameters = next(self._module.inner("MOD_PAR"), Block("MOD_PAR", 0))
+        parameters = next(self._module.inner("MOD_PAR"), A2lBlock("MOD_PAR", 0))
         description.has_known_key |= any(_OWN_MARK in item for item in parameters.items[:1])
         for block in self._module.inner("MEASUREMENT", "CHARACTERISTIC", "INSTANCE"):
             read = {"MEASUREMENT": self._read_measurement, "CHARACTERISTIC": self._read_characteristic}
@@ -105,7 +105,7 @@ class _ModuleReader:
                 name = block.items[0] if block.items else "?"
                 raise _bad_block(self._path, block, f"{block.keyword} {name}") from None
 
-    def _read_measurement(self, block: Block) -> Iterator[Variable]:
+    def _read_measurement(self, block: A2lBlock) -> Iterator[SlaveVariable]:
         name, doc, data_type, method, _, _, low, high = block.items[:8]
         address = block.option("ECU_ADDRESS")
         if not address or block.option("VIRTUAL") or any(block.inner("VIRTUAL")):
@@ -117,7 +117,7 @@ class _ModuleReader:
         )
         return expand_array(template, _element_count(dimensions))
 
-    def _read_characteristic(self, block: Block) -> Iterator[Variable]:
+    def _read_characteristic(self, block: A2lBlock) -> Iterator[SlaveVariable]:
         name, doc, kind, address, layout, _, method, low, high = block.items[:9]
         if kind not in {"VALUE", "VAL_BLK"}:
             raise OmittedError(f"type {kind}")
@@ -141,8 +141,8 @@ class _ModuleReader:
         return values[1]
 
     def _make(
-        self, block: Block, fields: tuple[str, str, str, str, str, str], address: int, is_writable: bool
-    ) -> Variable:
+        self, block: A2lBlock, fields: tuple[str, str, str, str, str, str], address: int, is_writable: bool
+    ) -> SlaveVariable:
         """Return a variable, or the first element of an array."""
         name, doc, data_type, method, low_text, high_text = fields
         byte_order = (block.option("BYTE_ORDER") or [self._byte_order])[0]
@@ -158,9 +158,9 @@ class _ModuleReader:
         if low >= high:
             low, high = -math.inf, math.inf
         conversion, unit, names = self._read_conversion(method, low, high)
-        is_invertible = not isinstance(conversion, Table) or conversion.is_unambiguous()
+        is_invertible = not isinstance(conversion, ConversionTable) or conversion.is_unambiguous()
         mask, extension = block.option("BIT_MASK"), block.option("ECU_ADDRESS_EXTENSION")
-        return Variable(
+        return SlaveVariable(
             name=name,
             address=address,
             dtype=_BYTE_ORDERS[byte_order] + _TYPES[data_type],
@@ -175,7 +175,7 @@ class _ModuleReader:
             events=_read_variable_events(block),
         )
 
-    def _read_conversion(self, name: str, low: float, high: float) -> tuple[Conversion, str, str]:
+    def _read_conversion(self, name: str, low: float, high: float) -> tuple[RawConversion, str, str]:
         """Return a conversion, its unit, and the names of its raw numbers."""
         if name == "NO_COMPU_METHOD":
             return IDENTICAL, "", ""
@@ -196,7 +196,7 @@ class _ModuleReader:
             return self._read_table(method, kind, unit)
         raise OmittedError(f"conversion {kind}")
 
-    def _read_table(self, method: Block, kind: str, unit: str) -> tuple[Conversion, str, str]:
+    def _read_table(self, method: A2lBlock, kind: str, unit: str) -> tuple[RawConversion, str, str]:
         table = self._tables.get((method.option("COMPU_TAB_REF") or [""])[0])
         if table is None:
             raise OmittedError("an undefined conversion table")
@@ -214,13 +214,13 @@ class _ModuleReader:
         default = table.option("DEFAULT_VALUE_NUMERIC")
         raw, physical = zip(*numbers, strict=True)
         return (
-            Table(raw, physical, kind == "TAB_INTP", float(default[0]) if default else math.nan),
+            ConversionTable(raw, physical, kind == "TAB_INTP", float(default[0]) if default else math.nan),
             unit,
             "",
         )
 
 
-def expand_array(element: Variable, count: int) -> Iterator[Variable]:
+def expand_array(element: SlaveVariable, count: int) -> Iterator[SlaveVariable]:
     """Yield the elements of an array in the order of memory; a scalar has the count 0."""
     if count > MAX_ARRAY_ELEMENTS:
         raise OmittedError(f"more than {MAX_ARRAY_ELEMENTS} elements")
@@ -234,7 +234,7 @@ def expand_array(element: Variable, count: int) -> Iterator[Variable]:
         )
 
 
-def _rational(coefficients: Sequence[float], low: float, high: float) -> Conversion:
+def _rational(coefficients: Sequence[float], low: float, high: float) -> RawConversion:
     """Return a rational conversion, as a linear one if it is linear."""
     a, b, c, d, e, f = coefficients
     if a == d == e == 0.0 and b != 0.0:
@@ -245,12 +245,12 @@ def _rational(coefficients: Sequence[float], low: float, high: float) -> Convers
     return rational
 
 
-def _raise_omitted() -> Conversion:
+def _raise_omitted() -> RawConversion:
     raise OmittedError("a RAT_FUNC that is not monotonic within its limits")
 
 
 def _bit_field(mask: int, data_type: str) -> BitField | None:
-    """Return the bits of a mask; None if the mask selects the whole integer."""
+    """Return the bits of a mask, or None if the mask selects the whole integer."""
     size = 8 * int(data_type[1:])
     mask &= (1 << size) - 1
     if mask == (1 << size) - 1:
@@ -272,7 +272,7 @@ def _element_count(dimensions: Sequence[str]) -> int:
     return 0 if count == 1 else count
 
 
-def _read_variable_events(block: Block) -> tuple[int, ...]:
+def _read_variable_events(block: A2lBlock) -> tuple[int, ...]:
     """Return the numbers of the events that may sample a quantity; empty if the file lists none."""
     numbers: list[int] = []
     for interface in block.inner("IF_DATA"):
@@ -284,7 +284,7 @@ def _read_variable_events(block: Block) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def _read_event(path: Path, block: Block) -> EventChannel:
+def _read_event(path: Path, block: A2lBlock) -> EventChannel:
     try:
         name, _, number, _, _, cycle, unit = block.items[:7]
         return EventChannel(_integer(number), name, _integer(cycle) * 10.0 ** _UNIT_EXPONENTS[_integer(unit)])
@@ -292,8 +292,8 @@ def _read_event(path: Path, block: Block) -> EventChannel:
         raise _bad_block(path, block, "EVENT") from None
 
 
-def _read_serial_line(path: Path, block: Block) -> SerialLine | None:
-    """Return the settings of a serial port; None if its framing is not supported."""
+def _read_serial_line(path: Path, block: A2lBlock) -> SerialLine | None:
+    """Return the settings of a serial port, or None if its framing is not supported."""
     heads = [_HEADS[item] for item in block.items if item in _HEADS]
     checksums = [_CHECKSUM_BYTES[item] for item in block.items if item in _CHECKSUM_BYTES]
     try:
@@ -302,7 +302,7 @@ def _read_serial_line(path: Path, block: Block) -> SerialLine | None:
         raise _bad_block(path, block, "XCP_ON_SxI") from None
 
 
-def _bad_block(path: Path, block: Block, name: str) -> InputError:
+def _bad_block(path: Path, block: A2lBlock, name: str) -> InputError:
     return InputError(
         f"{path}; line {block.line}: {name} has missing or wrong fields; export the file again",
         code="damaged-file",

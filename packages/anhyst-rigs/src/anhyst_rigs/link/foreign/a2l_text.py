@@ -28,19 +28,19 @@ class QuotedText(str):
 
 
 @dataclass(slots=True)
-class Block:
+class A2lBlock:
     """A block of an A2L file."""
 
     keyword: str
-    line: int  # line of the file in which the block begins
-    items: list[str] = field(default_factory=list)  # words and texts, without those of inner blocks
-    blocks: list[Block] = field(default_factory=list)
+    line: int  # number of the block's first line in the file
+    items: list[str] = field(default_factory=list)  # words and texts outside inner blocks
+    blocks: list[A2lBlock] = field(default_factory=list)
 
-    def inner(self, *keywords: str) -> Iterator[Block]:
+    def inner(self, *keywords: str) -> Iterator[A2lBlock]:
         """Yield the inner blocks with one of the keywords."""
         return (block for block in self.blocks if block.keyword in keywords)
 
-    def nested(self, keyword: str) -> Iterator[Block]:
+    def nested(self, keyword: str) -> Iterator[A2lBlock]:
         """Yield the inner blocks with a keyword at any depth."""
         for block in self.blocks:
             if block.keyword == keyword:
@@ -55,7 +55,7 @@ class Block:
         return []
 
 
-def read_blocks(path: Path, depth: int = 0) -> Block:
+def read_blocks(path: Path, depth: int = 0) -> A2lBlock:
     """Return a block without a keyword that contains all blocks of a file."""
     try:
         data = path.read_bytes()
@@ -65,7 +65,7 @@ def read_blocks(path: Path, depth: int = 0) -> Block:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    open_blocks = [Block("", 1)]
+    open_blocks = [A2lBlock("", 1)]
     line, counted = 1, 0
     matches = _TOKEN.finditer(text)
     for match in matches:
@@ -78,7 +78,7 @@ def read_blocks(path: Path, depth: int = 0) -> Block:
                 open_blocks[-1].items.append(QuotedText(unescaped))
         elif word == "/begin":
             line, counted = line + text.count("\n", counted, match.start()), match.start()
-            open_blocks.append(Block(_next_word(matches), line))
+            open_blocks.append(A2lBlock(_next_word(matches), line))
         elif word == "/end":
             keyword, block = _next_word(matches), open_blocks.pop()
             if not open_blocks or keyword != block.keyword:
@@ -99,7 +99,7 @@ def _next_word(matches: Iterator[re.Match[str]]) -> str:
     return next((match["word"] for match in matches if match["word"]), "")
 
 
-def _include(path: Path, name: re.Match[str] | None, block: Block, depth: int) -> None:
+def _include(path: Path, name: re.Match[str] | None, block: A2lBlock, depth: int) -> None:
     """Add the contents of another file to a block."""
     if name is None or depth >= _MAX_INCLUDE_DEPTH:
         raise _damaged(path, block.line, "an /include names no file, or too many files include each other")

@@ -16,7 +16,7 @@ from anhyst_rigs.link.foreign.variables import (
     BitField,
     Description,
     OmittedError,
-    Variable,
+    SlaveVariable,
     names_text,
     require_variables,
 )
@@ -41,15 +41,6 @@ class _Member(NamedTuple):
     dtype: str
     bits: BitField | None
     doc: str
-
-
-def is_elf(path: Path) -> bool:
-    """Whether a file begins as an ELF file."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(4) == b"\x7fELF"
-    except OSError:
-        return False
 
 
 def read_elf(path: Path) -> Description:
@@ -115,7 +106,7 @@ class _ElfReader:
         return description
 
     def _iterate_variables(self, parent: Any, scope: str) -> Iterator[tuple[str, int, Any]]:
-        """Yield the name, address and entry of each variable outside functions."""
+        """Yield the name, address and entry of each global variable."""
         for die in parent.iter_children():
             if die.tag == "DW_TAG_namespace":
                 yield from self._iterate_variables(
@@ -132,7 +123,7 @@ class _ElfReader:
                 yield f"{scope}{name}", address, declared
 
     def _address(self, location: Any) -> int | None:
-        """Return the constant address of a location; None if the variable is not at a fixed address."""
+        """Return the constant address of a location, or None if the variable has no fixed address."""
         if not isinstance(location.value, list) or not location.value or location.value[0] != _OP_ADDRESS:
             return None
         size = self.elf.elfclass // 8
@@ -141,7 +132,7 @@ class _ElfReader:
             return None
         return int.from_bytes(data, "little" if self.elf.little_endian else "big")
 
-    def _expand(self, name: str, address: int, die: Any) -> Iterator[Variable]:
+    def _expand(self, name: str, address: int, die: Any) -> Iterator[SlaveVariable]:
         """Yield the scalars of a variable."""
         if "DW_AT_type" not in die.attributes:
             raise OmittedError("no type")
@@ -150,7 +141,7 @@ class _ElfReader:
         for member in self._type_members(whole_type):
             if address + member.offset > MAX_ADDRESS:
                 raise OmittedError("an address of more than 32 bits")
-            yield Variable(
+            yield SlaveVariable(
                 f"{name}{member.suffix}",
                 address + member.offset,
                 member.dtype,

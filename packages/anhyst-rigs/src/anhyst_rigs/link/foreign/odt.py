@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.link.foreign.variables import Variable
+from anhyst_rigs.link.foreign.variables import SlaveVariable
 
 
 class OdtEntry(NamedTuple):
@@ -46,8 +46,8 @@ class OdtPlan:
         """Return the number of value bytes in each ODT."""
         return [sum(entry.size for entry in odt) for odt in self.odts]
 
-    def decode(self, samples: Sequence[bytes], variables: Sequence[Variable]) -> FloatArray:
-        """Return the physical values of all variables in samples, one row for each sample."""
+    def decode(self, samples: Sequence[bytes], variables: Sequence[SlaveVariable]) -> FloatArray:
+        """Return a row of physical values for each sample."""
         data = np.frombuffer(b"".join(samples), dtype=np.uint8).reshape(len(samples), -1)
         columns = [
             variable.decode(np.ascontiguousarray(data[:, position]).view(variable.dtype)[:, 0])
@@ -56,7 +56,7 @@ class OdtPlan:
         return np.column_stack(columns)
 
 
-def plan_odts(variables: Sequence[Variable], address_bytes: int, limits: OdtLimits) -> OdtPlan:
+def plan_odts(variables: Sequence[SlaveVariable], address_bytes: int, limits: OdtLimits) -> OdtPlan:
     """Return ODTs that contain the variables in their order; `address_bytes` is the size of an address.
 
     The address and the size of an entry are multiples of the granularity. Therefore, an entry can be

@@ -1,4 +1,4 @@
-"""Sample variables of an XCP slave: with a DAQ list, or by polling if the slave has no DAQ lists."""
+"""Sample variables of an XCP slave, either with a DAQ list or by polling."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from anhyst_rigs.link.foreign.slave import (
     Slave,
     SlaveRefusedError,
 )
-from anhyst_rigs.link.foreign.variables import EventChannel, Variable
+from anhyst_rigs.link.foreign.variables import EventChannel, SlaveVariable
 
 _MAX_ODT_ENTRIES = (255, 30, 7)
 """Numbers of entries in an ODT of a dynamic list that are tried one after the other."""
@@ -57,10 +57,10 @@ _MAX_POLL_LOAD = 0.5
 class Sampler(ABC):
     """Running sampling of some variables. A row contains the number of its period, then the values."""
 
-    variables: Sequence[Variable]
+    variables: Sequence[SlaveVariable]
     rate: float  # periods of the event per second, Hz
     ticks_per_row: int  # number of periods from one row to the next
-    doc: str  # how the variables are sampled
+    doc: str  # manner of sampling, for the user
 
     @abstractmethod
     def read_rows(self, wait_s: float) -> FloatArray:
@@ -80,7 +80,7 @@ class Poller(Sampler):
 
     ticks_per_row = 1
 
-    def __init__(self, slave: Slave, variables: Sequence[Variable]) -> None:
+    def __init__(self, slave: Slave, variables: Sequence[SlaveVariable]) -> None:
         self.variables, self._slave = variables, slave
         begin = time.monotonic()
         self._poll()
@@ -97,7 +97,7 @@ class Poller(Sampler):
         ]
 
     def stop(self) -> None:
-        """End the sampling; the slave does not know of it."""
+        """End the sampling. The slave receives no message."""
 
     def read_rows(self, wait_s: float) -> FloatArray:
         """Return one row when it is due."""
@@ -113,7 +113,7 @@ class DaqSampler(Sampler):
     """Sampling with one DAQ list, which the slave sends at each event, or at each n-th event."""
 
     def __init__(
-        self, slave: Slave, properties: DaqProperties, variables: Sequence[Variable], event: EventChannel
+        self, slave: Slave, properties: DaqProperties, variables: Sequence[SlaveVariable], event: EventChannel
     ) -> None:
         slave.require_unlocked(SAMPLING, "sample signals")
         self.variables, self._slave, self._properties = variables, slave, properties
@@ -155,7 +155,7 @@ class DaqSampler(Sampler):
         answer = self._list_command(START_STOP_DAQ_LIST, 1)
         self._first_identifier = answer[1] if properties.identifier_bytes == 1 and len(answer) > 1 else 0
 
-    def _covers(self, variable: Variable, byte_address: int) -> bool:
+    def _covers(self, variable: SlaveVariable, byte_address: int) -> bool:
         begin = variable.address * self._slave.granularity
         return (
             begin <= byte_address + self._properties.granularity - 1 and byte_address < begin + variable.size
@@ -286,7 +286,7 @@ class DaqSampler(Sampler):
         return stamps, arrivals
 
     def read_rows(self, wait_s: float) -> FloatArray:
-        """Return the rows of all new samples."""
+        """Return a row for each new sample."""
         samples, stamps = self._take_samples(wait_s)
         if not samples:
             return np.empty((0, 1 + len(self.variables)))
@@ -311,7 +311,7 @@ class DaqSampler(Sampler):
         return ticks
 
     def _take_samples(self, wait_s: float) -> tuple[list[bytes], list[int]]:
-        """Return the value bytes and the time stamps of all complete samples."""
+        """Return the value bytes and the time stamp of each complete sample."""
         samples: list[bytes] = []
         stamps: list[int] = []
         head, order = self._properties.identifier_bytes, "big" if self._slave.order == ">" else "little"
@@ -340,7 +340,7 @@ class DaqSampler(Sampler):
         return samples, stamps if self._stamp_bytes else []
 
     def _odt_of(self, packet: bytes) -> int | None:
-        """Return the number of the ODT of a packet; None if it belongs to another list."""
+        """Return the number of the ODT of a packet, or None if it belongs to another list."""
         properties, identifier = self._properties, packet[0]
         if properties.marks_overload:
             self._lost_marks += identifier >> 7
@@ -372,7 +372,7 @@ class DaqSampler(Sampler):
 
 
 def choose_event(
-    events: Sequence[EventChannel], variables: Sequence[Variable], number: int | None
+    events: Sequence[EventChannel], variables: Sequence[SlaveVariable], number: int | None
 ) -> EventChannel:
     """Return the event with a number, or the fastest cyclic event that may sample all variables."""
     allowed = [one for one in events if all(not v.events or one.number in v.events for v in variables)]

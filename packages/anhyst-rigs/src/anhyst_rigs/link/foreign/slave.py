@@ -244,7 +244,7 @@ class Slave:
         self._repeat(download)
 
     def read_daq_properties(self) -> DaqProperties | None:
-        """Return the properties of the DAQ lists; None if the slave has none or does not state them."""
+        """Return the properties of the DAQ lists, or None if the slave does not state them."""
         if not self.resources & SAMPLING:
             return None
         info = self._try_command(

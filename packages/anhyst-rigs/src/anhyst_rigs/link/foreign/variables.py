@@ -1,7 +1,7 @@
 """Describe the variables of a firmware: address, type, conversion and limits.
 
 A variable is a scalar in the memory of a slave. Its bytes become a raw number, and its conversion
-turns the raw number into a physical value. The conversions are those of ASAM MCD-2 MC (A2L).
+turns the raw number into a physical value. ASAM MCD-2 MC (A2L) defines the conversions.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class OmittedError(Exception):
     """A quantity cannot be used; the text completes the sentence "a quantity with ..."."""
 
 
-class Conversion(Protocol):
-    """Conversion between raw numbers and physical values."""
+class RawConversion(Protocol):
+    """RawConversion between raw numbers and physical values."""
 
     def to_physical(self, raw: FloatArray) -> FloatArray:
         """Return the physical values of raw numbers."""
@@ -104,7 +104,7 @@ class Rational:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ConversionTable:
     """A conversion by a table, with or without linear interpolation."""
 
     raw: tuple[float, ...]  # ascending
@@ -158,7 +158,7 @@ class BitField(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class SlaveVariable:
     """A scalar in the memory of a slave."""
 
     name: str
@@ -169,7 +169,7 @@ class Variable:
     low: float = -math.inf  # range of the physical value that may be written
     high: float = math.inf
     extension: int = 0  # address extension
-    conversion: Conversion = IDENTICAL
+    conversion: RawConversion = IDENTICAL
     bits: BitField | None = None
     is_writable: bool = False
     events: tuple[int, ...] = ()  # event channels that may sample the variable; empty: all
@@ -225,7 +225,7 @@ class Variable:
 
     def limits(self) -> tuple[float, float]:
         """Return the range of values that can be written: the limits that the type can hold."""
-        if isinstance(self.conversion, Table):
+        if isinstance(self.conversion, ConversionTable):
             values = np.array(self.conversion.physical)
         else:
             values = self.conversion.to_physical(np.array(self.raw_range()))
@@ -257,16 +257,16 @@ class Description:
     """The variables and events of a firmware."""
 
     source: str  # name of the file
-    variables: dict[str, Variable] = field(default_factory=dict)
+    variables: dict[str, SlaveVariable] = field(default_factory=dict)
     measurements: list[str] = field(default_factory=list)  # names that the file calls measurements
     omitted: Counter[str] = field(default_factory=Counter)  # number of omitted quantities by reason
     events: tuple[EventChannel, ...] = ()
     serial: SerialLine | None = None
-    is_big_endian: bool | None = None  # byte order of the memory; None if the file does not state it
+    is_big_endian: bool | None = None  # byte order of the memory, or None if the file does not state it
     lists_parameters: bool = True  # whether the file distinguishes parameters from signals
     has_known_key: bool = False  # whether the firmware was built by anhyst, whose key is known
 
-    def find(self, name: str) -> Variable:
+    def find(self, name: str) -> SlaveVariable:
         """Return a variable by its name."""
         if name not in self.variables:
             raise InputError(
@@ -276,7 +276,7 @@ class Description:
             )
         return self.variables[name]
 
-    def search(self, text: str, max_count: int) -> list[Variable]:
+    def search(self, text: str, max_count: int) -> list[SlaveVariable]:
         """Return variables whose names contain all words of a text; names that begin with it first."""
         words = text.lower().split()
         matches = [
@@ -297,7 +297,7 @@ class Description:
 
 
 def require_variables(description: Description) -> Description:
-    """Return a description; raise an InputError if it has no variable."""
+    """Return a description, or raise an InputError if it is empty."""
     if not description.variables:
         reason = description.describe_omitted() or "it describes no variable"
         raise InputError(f"{description.source}: {reason}; choose another file", code="no-data")

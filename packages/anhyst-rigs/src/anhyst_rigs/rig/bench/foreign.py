@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import is_elf
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst_rigs.link.foreign.a2l import read_a2l
-from anhyst_rigs.link.foreign.elf import is_elf, read_elf
+from anhyst_rigs.link.foreign.elf import read_elf
 from anhyst_rigs.link.foreign.sampling import DaqSampler, Poller, Sampler, choose_event
 from anhyst_rigs.link.foreign.slave import CALIBRATION, GET_STATUS, DaqProperties, Slave
-from anhyst_rigs.link.foreign.variables import Description, EventChannel, Variable
+from anhyst_rigs.link.foreign.variables import Description, EventChannel, SlaveVariable
 from anhyst_rigs.link.wire import BAUD, SERIAL_FRAMING, TCP_FRAMING, Framing, compute_key
 from anhyst_rigs.link.xcp import XcpLine
 from anhyst_rigs.rig.bench.hardware import SEARCH_TIME_S, ControllerSearch
@@ -171,7 +172,7 @@ class ForeignBench(Bench):
         self._first_tick = self.tick = max(1, elapsed_ticks)
         self._last_row_time = time.monotonic()
 
-    def _check_sizes(self, variables: Sequence[Variable]) -> None:
+    def _check_sizes(self, variables: Sequence[SlaveVariable]) -> None:
         granularity = self._slave.granularity
         for variable in variables:
             if variable.size % granularity:
@@ -282,7 +283,7 @@ class ForeignBench(Bench):
                 raise InputError(text, code="unknown-parameter", key=variable.name)
         return [_parameter(one, one.value_of(self._read(one))) for one in variables]
 
-    def _read(self, variable: Variable) -> bytes:
+    def _read(self, variable: SlaveVariable) -> bytes:
         return self._slave.read(variable.address, variable.extension, variable.size, variable.name)
 
     def apply(self, values: Mapping[str, float]) -> int:
@@ -293,7 +294,7 @@ class ForeignBench(Bench):
         slave = self._connected_slave()
         check_values(values, self.parameters())
         slave.require_unlocked(CALIBRATION, f"write {', '.join(values)}")
-        written: list[tuple[Variable, bytes]] = []
+        written: list[tuple[SlaveVariable, bytes]] = []
         try:
             for name, value in values.items():
                 variable = self.description.find(name)
@@ -310,7 +311,7 @@ class ForeignBench(Bench):
         self._set_parameters(self._read_parameters(tuple(self._parameters)))
         return self.tick + self.ticks_per_row
 
-    def _check_written(self, variable: Variable, wanted: bytes) -> None:
+    def _check_written(self, variable: SlaveVariable, wanted: bytes) -> None:
         if self.description.has_known_key and variable.name == "command":
             return  # A controller of anhyst executes a command when it is written; it reads as 0.
         found = self._read(variable)
@@ -330,7 +331,7 @@ class ForeignBench(Bench):
         self._slave.close()
 
 
-def _parameter(variable: Variable, value: float) -> Parameter:
+def _parameter(variable: SlaveVariable, value: float) -> Parameter:
     low, high = variable.limits()
     return Parameter(variable.name, variable.unit, low, high, variable.doc, value)
 

@@ -29,6 +29,16 @@ class Signal(NamedTuple):
     doc: str  # description
 
 
+HEADERS = {"gap": "gap_m", "force": "F_N", "current": "I_A", "load": "load_N"}
+"""Column names that make a recording a valid measurement; other signals keep their names."""
+
+
+def column_header(signal: Signal) -> str:
+    """Return the column header for a signal, including its unit."""
+    unit = signal.unit.replace("/", "_per_").replace("^", "")
+    return HEADERS.get(signal.name) or (f"{signal.name}_{unit}" if unit else signal.name)
+
+
 def current_signals(first_magnet: int, last_magnet: int) -> dict[str, Signal]:
     """Return the current signals of some magnets, keyed by the columns of a simulated loop."""
     texts = {"command": "commanded current of magnet", "current": "true current of magnet"}

@@ -35,7 +35,7 @@ from anhyst_rigs.study.response.result import (
     MIN_COHERENCE,
     UNCERTAINTY_SIGMAS,
     FrequencyResponse,
-    Response,
+    MeasuredResponse,
     ResponseName,
 )
 
@@ -272,7 +272,7 @@ def _limit_excitation(
 
 def _evaluate(
     excitation: Multisine, reading: FloatArray, position: FloatArray, plant_input: FloatArray
-) -> dict[ResponseName, Response]:
+) -> dict[ResponseName, MeasuredResponse]:
     """Return the responses, with the coherence from the lines that are not excited."""
     spectra = [amplitude_spectrum(signal) for signal in (reading, position, plant_input)]
     steps = excitation.lines * _PERIODS
@@ -332,7 +332,7 @@ _MAX_UNCERTAINTY = (10.0 ** (EXACT_UNCERTAINTY_DB / 20.0) - 1.0) / UNCERTAINTY_S
 """Largest relative standard deviation of a point that is not averaged with its neighbours."""
 
 
-def _make_response(frequency: FloatArray, values: ComplexArray, noise_ratio: FloatArray) -> Response:
+def _make_response(frequency: FloatArray, values: ComplexArray, noise_ratio: FloatArray) -> MeasuredResponse:
     """Return a response; uncertain points are averaged with their neighbours.
 
     Two straight lines fit the neighbours: the logarithm of the magnitude over that of the frequency, and
@@ -358,7 +358,7 @@ def _make_response(frequency: FloatArray, values: ComplexArray, noise_ratio: Flo
                 stated[point], averaged[point] = values[point] * np.exp(size + 1j * phase), len(near)
                 uncertainty[point] = math.sqrt(variance)
                 break
-    return Response(stated, uncertainty, coherence, averaged)
+    return MeasuredResponse(stated, uncertainty, coherence, averaged)
 
 
 def _fit_middle(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[float, float, float]:

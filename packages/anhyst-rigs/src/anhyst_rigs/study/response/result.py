@@ -40,7 +40,7 @@ _MAX_NEIGHBOUR_RATIO = 1.2
 
 
 @dataclass(frozen=True)
-class Response:
+class MeasuredResponse:
     """A response at all frequencies."""
 
     values: ComplexArray  # complex gain; nan where the coherence is too low; shape (n,)
@@ -102,7 +102,7 @@ class FrequencyResponse(Result):
     ----------
     frequency : array
         Frequencies, Hz.
-    responses : mapping of str to Response
+    responses : mapping of str to MeasuredResponse
         ``closed_loop``, ``sensitivity`` and ``plant``.
     rate : float
         Tick rate of the loop, Hz.
@@ -117,7 +117,7 @@ class FrequencyResponse(Result):
     """
 
     frequency: FloatArray
-    responses: Mapping[ResponseName, Response]
+    responses: Mapping[ResponseName, MeasuredResponse]
     rate: float
     plant_unit: str
     motion: float
@@ -234,7 +234,23 @@ class FrequencyResponse(Result):
 
 
 def read_response(path: PathLike) -> FrequencyResponse:
-    """Read a frequency response from the CSV file that :meth:`FrequencyResponse.save` wrote."""
+    """Read a frequency response from a CSV file.
+
+    Parameters
+    ----------
+    path : path
+        File that `anhyst excite --response`, the live page, or :meth:`FrequencyResponse.save` wrote.
+
+    Returns
+    -------
+    FrequencyResponse
+        Closed loop, sensitivity and plant, with their uncertainties, as they were saved.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is not a frequency response.
+    """
     try:
         lines = Path(path).read_text(encoding="utf-8").splitlines()
     except OSError as error:
@@ -250,7 +266,7 @@ def read_response(path: PathLike) -> FrequencyResponse:
             magnitude, phase, coherence, decibel, averaged = table[1 + 5 * number : 6 + 5 * number]
             values = magnitude * np.exp(1j * np.radians(phase))
             uncertainty = (10.0 ** (decibel / 20.0) - 1.0) / UNCERTAINTY_SIGMAS
-            responses[name] = Response(values, uncertainty, coherence, averaged.astype(np.int64))
+            responses[name] = MeasuredResponse(values, uncertainty, coherence, averaged.astype(np.int64))
         numbers = {name: float(value) for name, value in settings.items()}
         return FrequencyResponse(columns["frequency_Hz"], responses, plant_unit=plant_unit, **numbers)
     except (ValueError, KeyError, TypeError, IndexError) as error:
@@ -260,7 +276,9 @@ def read_response(path: PathLike) -> FrequencyResponse:
         ) from error
 
 
-def find_margins(frequency: FloatArray, responses: Mapping[ResponseName, Response]) -> MeasuredMargins:
+def find_margins(
+    frequency: FloatArray, responses: Mapping[ResponseName, MeasuredResponse]
+) -> MeasuredMargins:
     """Return the margins of the loop gain, which is the closed loop divided by the sensitivity."""
     sensitivity = responses["sensitivity"].values
     magnitude = np.abs(sensitivity)
