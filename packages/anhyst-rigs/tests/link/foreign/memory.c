@@ -30,7 +30,10 @@ struct controller {
 };
 
 struct controller controller = {
-    .axis = {{1, {10, 11, 12}, 0.25f}, {2, {20, 21, 22}, 0.5f}, {3, {30, 31, 32}, 0.75f}, {4, {-40, 41, 42}, 1.5f}},
+    .axis = {{1, {10, 11, 12}, 0.25f},
+             {2, {20, 21, 22}, 0.5f},
+             {3, {30, 31, 32}, 0.75f},
+             {4, {-40, 41, 42}, 1.5f}},
     .enabled = 1,
     .trim = -9,
     .speed = 777,
@@ -57,39 +60,53 @@ static uint32_t bank[16] = {0xB0, 0xB1, 0xB2};
 
 #define VARIABLE(name) {#name, &(name), sizeof(name)}
 const struct variable variables[] = {
-    VARIABLE(tick),        VARIABLE(sig_u8),  VARIABLE(sig_i8),   VARIABLE(sig_u16),   VARIABLE(sig_i16),
-    VARIABLE(sig_i32),     VARIABLE(sig_u64), VARIABLE(sig_i64),  VARIABLE(sig_f32),   VARIABLE(sig_f64),
-    VARIABLE(par_gain),    VARIABLE(par_wide), VARIABLE(par_level), VARIABLE(par_flags), VARIABLE(par_limited),
-    {"table", table, 2},   {"table_1", &table[0][1], 2}, {"table_2", &table[0][2], 2},
+    VARIABLE(tick),
+    VARIABLE(sig_u8),
+    VARIABLE(sig_i8),
+    VARIABLE(sig_u16),
+    VARIABLE(sig_i16),
+    VARIABLE(sig_i32),
+    VARIABLE(sig_u64),
+    VARIABLE(sig_i64),
+    VARIABLE(sig_f32),
+    VARIABLE(sig_f64),
+    VARIABLE(par_gain),
+    VARIABLE(par_wide),
+    VARIABLE(par_level),
+    VARIABLE(par_flags),
+    VARIABLE(par_limited),
+    {"table", table, 2},
+    {"table_1", &table[0][1], 2},
+    {"table_2", &table[0][2], 2},
 };
 const unsigned variable_count = COUNT(variables);
 
 struct option options[] = {
-    {"big", 0},          /* byte order of the protocol and of the memory: most significant byte first */
-    {"granularity", 1},  /* bytes of an address */
-    {"cto", 64},         /* MAX_CTO */
-    {"dto", 64},         /* MAX_DTO */
-    {"daq", 2},          /* 0: no DAQ lists; 1: static; 2: dynamic */
-    {"identifier", 2},   /* bytes of the identification field, 1 to 4 */
-    {"stamp", 4},        /* bytes of the time stamp: 0, 1, 2 or 4 */
+    {"big", 0}, /* byte order of the protocol and of the memory: most significant byte first */
+    {"granularity", 1}, /* bytes of an address */
+    {"cto", 64},        /* MAX_CTO */
+    {"dto", 64},        /* MAX_DTO */
+    {"daq", 2},         /* 0: no DAQ lists; 1: static; 2: dynamic */
+    {"identifier", 2},  /* bytes of the identification field, 1 to 4 */
+    {"stamp", 4},       /* bytes of the time stamp: 0, 1, 2 or 4 */
     {"stamp_fixed", 0},
     {"entry_granularity", 1},
     {"max_entry", 8},
     {"one_extension", 0}, /* all entries of an ODT need the same address extension */
     {"period_us", 1000},
-    {"stated_us", 0},    /* period that the slave states; 0: the true one */
+    {"stated_us", 0}, /* period that the slave states; 0: the true one */
     {"jitter_us", 0},
-    {"locked", 0},       /* resources that are protected by seed and key */
+    {"locked", 0}, /* resources that are protected by seed and key */
     {"short_upload", 1},
     {"short_download", 1},
     {"event_info", 1},
     {"overload_bit", 0},
-    {"lose_answer", 0},  /* every n-th answer is not sent */
-    {"lose_sample", 0},  /* every n-th packet of samples is not sent */
-    {"cut_answer", 0},   /* answers to SHORT_UPLOAD lack their last byte */
-    {"cut_sample", 0},   /* packets of samples lack their last byte */
-    {"busy", 0},         /* the first answer to each n-th command is ERR_CMD_BUSY */
-    {"pending", 0},      /* EV_CMD_PENDING for 1.5 s before the answer to BUILD_CHECKSUM or DOWNLOAD */
+    {"lose_answer", 0}, /* every n-th answer is not sent */
+    {"lose_sample", 0}, /* every n-th packet of samples is not sent */
+    {"cut_answer", 0},  /* answers to SHORT_UPLOAD lack their last byte */
+    {"cut_sample", 0},  /* packets of samples lack their last byte */
+    {"busy", 0},        /* the first answer to each n-th command is ERR_CMD_BUSY */
+    {"pending", 0}, /* EV_CMD_PENDING for 1.5 s before the answer to BUILD_CHECKSUM or DOWNLOAD */
 };
 
 const unsigned option_count = COUNT(options);

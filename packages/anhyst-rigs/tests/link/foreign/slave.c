@@ -1,8 +1,9 @@
 /* An XCP slave for tests, written from ASAM MCD-1 XCP 1.1; it shares no source with anhyst.
 
-   Usage: slave [name=value ...], with the names of `options` in memory.c. The slave prints the address of
-   each of its variables, then its port, and serves one master after the other on 127.0.0.1. With
-   tty=NUMBER, it uses an open file, the end of a serial port, with HEADER_LEN_CTR_WORD and CHECKSUM_WORD instead. */
+   Usage: slave [name=value ...], with the names of `options` in memory.c. The slave prints the
+   address of each of its variables, then its port, and serves one master after the other on
+   127.0.0.1. With tty=NUMBER, it uses an open file, the end of a serial port, with
+   HEADER_LEN_CTR_WORD and CHECKSUM_WORD instead. */
 
 #include "slave.h"
 
@@ -25,7 +26,8 @@ static void send_bytes(const uint8_t *packet, unsigned size)
 {
   uint8_t frame[4 + 65536 + 3];
   unsigned length = 4 + size;
-  frame[0] = (uint8_t)size; /* the head has the low byte first, whatever the order of the slave is */
+  frame[0] =
+      (uint8_t)size; /* the head has the low byte first, whatever the order of the slave is */
   frame[1] = (uint8_t)(size >> 8);
   frame[2] = (uint8_t)counter;
   frame[3] = (uint8_t)(counter >> 8);
@@ -70,10 +72,7 @@ static void refuse(uint8_t code)
   }
 }
 
-static void confirm(void)
-{
-  answer((uint8_t[1]){0xFF}, 1);
-}
+static void confirm(void) { answer((uint8_t[1]){0xFF}, 1); }
 
 /* DAQ lists. */
 
@@ -92,15 +91,9 @@ static unsigned pointer_list, pointer_odt, pointer_entry, list_count;
 static const unsigned event_periods[EVENTS] = {1, 10, 0};
 static const char *const event_names[EVENTS] = {"fast", "slow", "never"};
 
-static unsigned static_odts(unsigned list)
-{
-  return list == 1 ? 2 : 6;
-}
+static unsigned static_odts(unsigned list) { return list == 1 ? 2 : 6; }
 
-static unsigned static_entries(unsigned list)
-{
-  return list == 1 ? 3 : 7;
-}
+static unsigned static_entries(unsigned list) { return list == 1 ? 3 : 7; }
 
 static unsigned first_identifier(unsigned list)
 {
@@ -174,7 +167,8 @@ static void happen(unsigned event, uint32_t stamp)
 static unsigned usable_bytes(const struct list *list, unsigned odt)
 {
   int has_stamp = list->has_stamp || option("stamp_fixed");
-  return (unsigned)(option("dto") - option("identifier") - (odt == 0 && has_stamp ? option("stamp") : 0));
+  return (unsigned)(option("dto") - option("identifier") -
+                    (odt == 0 && has_stamp ? option("stamp") : 0));
 }
 
 static int fits(const struct list *list)
@@ -195,7 +189,8 @@ static uint8_t write_entry(unsigned size, unsigned extension, uint64_t address)
 {
   struct list *list = &lists[pointer_list];
   uint8_t present[8];
-  unsigned used = 0, limit = option("daq") == 1 ? static_entries(pointer_list) : list->entries[pointer_odt];
+  unsigned used = 0,
+           limit = option("daq") == 1 ? static_entries(pointer_list) : list->entries[pointer_odt];
   if (pointer_odt >= list->odts || pointer_entry >= limit || pointer_entry >= ENTRIES) {
     return 0x22;
   }
@@ -242,7 +237,8 @@ static uint8_t daq_command(const uint8_t *c, unsigned size)
   }
   switch (c[0]) {
   case 0xDA: /* GET_DAQ_PROCESSOR_INFO */
-    a[1] = (uint8_t)(is_dynamic | 0x02 | (option("stamp") ? 0x10 : 0) | (option("overload_bit") ? 0x40 : 0));
+    a[1] = (uint8_t)(is_dynamic | 0x02 | (option("stamp") ? 0x10 : 0) |
+                     (option("overload_bit") ? 0x40 : 0));
     put16(a + 2, LISTS);
     put16(a + 4, EVENTS);
     a[6] = (uint8_t)first;
@@ -355,10 +351,7 @@ static const uint8_t *mta_text;
 static uint8_t seed[4] = {0x12, 0x34, 0x56, 0x78};
 static unsigned unlocked;
 
-static unsigned locked(void)
-{
-  return (unsigned)option("locked") & ~unlocked;
-}
+static unsigned locked(void) { return (unsigned)option("locked") & ~unlocked; }
 
 static uint8_t upload(unsigned count, unsigned extension, uint64_t address)
 {
@@ -456,7 +449,8 @@ static uint8_t execute(const uint8_t *c, unsigned size)
     return code;
   }
   case 0xED: /* SHORT_DOWNLOAD */
-    return option("short_download") ? download(c + 8, c[1], c[3], get32(c + 4) * granularity) : 0x20;
+    return option("short_download") ? download(c + 8, c[1], c[3], get32(c + 4) * granularity)
+                                    : 0x20;
   case 0xD7: { /* GET_DAQ_EVENT_INFO */
     unsigned event = get16(c + 2), scale = event_periods[event < EVENTS ? event : 0];
     long period = option("stated_us") ? option("stated_us") : option("period_us");
@@ -571,7 +565,8 @@ int main(int argc, char **argv)
     }
   }
   for (unsigned n = 0; n < variable_count; n++) {
-    printf("%s %lu\n", variables[n].name, (unsigned long)((uintptr_t)variables[n].place / (unsigned)option("granularity")));
+    printf("%s %lu\n", variables[n].name,
+           (unsigned long)((uintptr_t)variables[n].place / (unsigned)option("granularity")));
   }
   if (tty != NULL) {
     is_serial = 1;
