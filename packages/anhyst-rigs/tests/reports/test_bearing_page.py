@@ -182,8 +182,8 @@ def test_metrics_have_their_intervals(page: Page) -> None:
 def test_every_percentage_names_its_baseline(page: Page) -> None:
     text = page.text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
-        "Not worth it here. Full against the strongest baseline without hysteresis model, more: "
-        "overshoot 1.2 times that of 'single-valued'; alike within the noise: overshoot" in text
+        "Not worth it here. Full compared with the strongest baseline without hysteresis model: larger in "
+        "overshoot 1.2 times that of 'single-valued'; equal within the noise in overshoot" in text
     )
     assert "60 % less +2.1 points" in text  # compared with ratio, in the table below
 
@@ -276,7 +276,7 @@ def test_no_difference_within_the_noise_of_a_standstill_is_certain(subject: Simu
         for cell in cells()
     ]
     text = Page(render(replace(subject, steps=group_by_step(noisy)))).text
-    assert "model, alike within the noise: overshoot" in text
+    assert "model: equal within the noise in overshoot" in text
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,7 @@ def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path:
     assert study.memoryless == "single-valued"
     said = study.verdicts
     assert set(said) == {"single-valued", "play"}
-    assert said["single-valued"].sentence.startswith("Worth it: less: peak 0.")
+    assert said["single-valued"].sentence.startswith("Worth it: smaller in peak 0.")
     page = render(study, "anhyst simulate rig.toml")
     for text in ("One scan", "Settling", "Learning control", "Worth it", "map with one play"):
         assert text in page
@@ -234,7 +234,9 @@ def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
     study = stages.study()
     swapped = dict(study.variants) | {"full": study.variants["single-valued"]}
     found = replace(study, variants=swapped).verdicts["single-valued"]
-    assert found.sentence.startswith("Not worth it here: alike within the noise: peak 1, moving average 1, ")
+    assert found.sentence.startswith(
+        "Not worth it here: equal within the noise in peak 1, moving average 1, "
+    )
     assert "nothing to gain" in limit_texts(replace(study, variants=swapped))[0]
 
 
@@ -243,7 +245,7 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     study = stages.study()
     found = study.verdict
     assert found.level == "yes"
-    assert "against the strongest baseline without hysteresis model, less: peak 0." in found.text
+    assert "compared with the strongest baseline without hysteresis model: smaller in peak 0." in found.text
     own, play = study.variants["full"], study.variants["play"]
     quick = tuple(replace(measures, settling_50_s=0.0) for measures in play.measures)
     slow = tuple(replace(measures, settling_50_s=0.01) for measures in own.measures)
@@ -253,8 +255,8 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     found = beaten.verdict
     assert found.level == "mixed"
     assert found.text.endswith(BENEFICIAL_CONDITIONS["stage"])
-    assert "less: peak 0." in found.text
-    assert "more: settling to 50 nm more than 0 of 'play'" in found.text
+    assert "smaller in peak 0." in found.text
+    assert "larger in settling to 50 nm more than 0 times that of 'play'" in found.text
     assert beaten.verdicts["play"].level == "mixed"
 
 

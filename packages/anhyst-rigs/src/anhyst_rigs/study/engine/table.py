@@ -169,7 +169,7 @@ def judge_against_baselines(
     verdict = judge_comparisons(model, comparisons, metric_noun)
     if verdict.level == "unknown":
         return verdict
-    text = f"{model} against the strongest baseline without hysteresis model, {verdict.text}"
+    text = f"{model} compared with the strongest baseline without hysteresis model: {verdict.text}"
     return Judgement(verdict.level, text if verdict.level == "yes" else f"{text}; {beneficial_condition}")
 
 
@@ -191,9 +191,9 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], metric_
     group_texts = [
         f"{group_title} {_format_comparisons(group, len(comparable), metric_noun)}"
         for group_title, group in (
-            ("less:", better_comparisons),
-            ("more:", worse_comparisons),
-            ("alike within the noise:", equal_comparisons),
+            ("smaller in", better_comparisons),
+            ("larger in", worse_comparisons),
+            ("equal within the noise in", equal_comparisons),
         )
         if group
     ]
