@@ -115,13 +115,13 @@ async function fixedPanel(kind, context) {
 
 // Adopts the signals of the bench after a derived signal was defined or deleted.
 function adopt(signals) {
-  const { bench, store, scope, list } = page;
+  const { bench, scope, list } = page;
   const old = bench.signals;
   bench.signals = signals;
   label(bench);
   page.layouts.set(signals.length, signals.map((one) => one.name));
   bench.choices.set("derived", signals.filter((one) => one.expression).map(({ name, expression, unit }) => ({ name, expression, unit })));
-  store.arrange(signals.map((one) => old.findIndex(({ name }) => name === one.name)));
+  scope.arrange(signals.map((one) => old.findIndex(({ name }) => name === one.name)));
   scope.rebuild();
   list.build();
 }

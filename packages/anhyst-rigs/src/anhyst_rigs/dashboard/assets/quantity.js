@@ -82,9 +82,11 @@ export class Quantity {
     return String(Number((value * this.display.factor).toPrecision(6)));
   }
 
+  // Shows a value in the field and at its slider.
   set(value) {
     this.input.value = this.text(value);
     this.check();
+    this.follow?.();
   }
 
   // Shows what is wrong with the text; returns whether it is valid.
@@ -132,8 +134,10 @@ export class Quantity {
       slider.value = Number(slider.value) + way * (event.shiftKey ? 1 : 10);
       take();
     };
-    this.input.addEventListener("input", () => this.value !== null && (slider.value = at(this.value)));
     this.follow = () => this.value !== null && (slider.value = at(this.value));
+    this.input.addEventListener("input", this.follow);
+    // Whether the user is changing the value.
+    this.isBusy = () => document.activeElement === this.input || slider.matches(":active");
     return slider;
   }
 }
