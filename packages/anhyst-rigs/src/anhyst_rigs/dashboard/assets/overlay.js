@@ -33,7 +33,7 @@ export class Overlay {
 
   // Duration, ticks.
   get span() {
-    return this.ticks.at(-1) - this.ticks[0];
+    return this.ticks.at(-1) + 1 - this.ticks[0];
   }
 
   // Aligns the first crossing of a trigger's level with the tick `hit` of the bench; without a trigger or without a
