@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import pytest
 
 from anhyst_rigs.dashboard.browsers import RowQueue
 from anhyst_rigs.dashboard.recording import RecordingSpan
-from tests.live.conftest import Served, Show, shown
+from tests.live.conftest import Served, Show, shown, wait_for
 from tests.live.test_desk import drop_file, record
 from tests.live.test_page import last, lift, press, ready, seen, until
 
@@ -143,7 +144,7 @@ def test_steps_of_an_earlier_setting_remain_with_their_colour(page: Page) -> Non
           const view = new StepView(place, anhyst.bench, finder);
           let tick = 0;
           const step = () => {
-            const value = finder.steps.length % 2 ? 2 : 1;
+            const value = tick % 200 ? 2 : 1;
             const ticks = Array.from({ length: 100 }, () => ++tick);
             const actual = ticks.map((_, n) => value + 1e-3 * (n % 2));
             finder.feed({ ticks, data: [ticks.map(() => value), actual] });
@@ -211,6 +212,8 @@ def test_real_steps_are_shown_up_to_three_settling_times(page: Page) -> None:
 
 
 def test_the_recorder_says_what_it_has_written(page: Page, bearing: Served) -> None:
+    bench = bearing.session.bench
+    wait_for(lambda: bench.tick > 10.5 * bench.rate)
     page.locator("#record-name").fill("told")
     page.select_option("#record-kind", ".mf4")
     page.locator("#keep").click()
@@ -223,8 +226,8 @@ def test_the_recorder_says_what_it_has_written(page: Page, bearing: Served) -> N
 
 
 def test_a_trigger_starts_at_the_mean_of_its_signal(page: Page) -> None:
-    page.select_option("#trigger-signal", "gap")
     page.select_option("#trigger-mode", "auto")
+    page.select_option("#trigger-signal", "gap")
     level = page.locator("#trigger-level")
     target = seen(page, "1e6 * page.panel.activeTarget")
     assert float(level.input_value()) == pytest.approx(target, abs=0.5)
@@ -270,3 +273,59 @@ def test_the_sliders_follow_the_target(page: Page, bearing: Served) -> None:
     until(page, "Math.abs(window.anhyst.panel.activeTarget - 450e-6) < 1e-9")
     assert slider_value() > 480.0  # the user holds the slider
     page.mouse.up()
+
+
+def test_a_measurement_states_why_no_target_can_be_set(page: Page) -> None:
+    note = page.locator(".main p")
+    assert note.inner_text() == "Running: set a target, or start the generator."
+    place = page.locator("fieldset[data-order=target]")
+    before = place.bounding_box()
+    page.locator("[data-view=bode]").click()
+    until(page, "!document.getElementById('measure-response').disabled")
+    page.locator("#measure-response").click()
+    until(page, "document.querySelector('.main p').textContent.startsWith('Running: A measurement drives')")
+    assert page.locator("#go").is_disabled()
+    assert place.bounding_box() == before  # the longer hint moves nothing
+    page.locator("#measure-response").click()
+    until(page, "!document.getElementById('go').disabled")
+
+
+def test_pictures_name_recordings_and_figures_and_the_page_names_the_file(
+    page: Page, bearing: Served
+) -> None:
+    drop_file(page, "#scope .timeplot", record(bearing, "named.csv", RecordingSpan(0.5, 0.0)))
+    until(page, "window.anhyst.scope.overlays.length === 1")
+    assert "named.csv" in str(seen(page, "page.scope.words()"))
+    with page.expect_download() as saved:
+        press(page, "PNG")
+    name = saved.value.suggested_filename
+    assert re.fullmatch(r"bearing-scope-20\d{6}-\d{6}\.png", name)
+    until(page, f"document.querySelector('#notice span').textContent === 'saved as {name}'")
+    page.locator("[data-view=steps]").click()
+    page.locator("#step-up").click()
+    until(page, "window.anhyst.finder.steps.length > 0")
+    page.locator("#step-down").click()
+    words = str(seen(page, "page.views.get('steps').words()"))
+    assert re.search(r"with compensation, \d+ steps?, height 20 µm, noise before [\d.]+ %", words)
+    assert "settling to 5 % " in words
+
+
+def test_the_log_has_the_names_and_units_of_the_page(page: Page) -> None:
+    plain = page.evaluate(
+        """async () => {
+          const { inPlainWords } = await import("/assets/verbs.js");
+          const texts = ["target 0.00047 m", "gain_p = 4.093e+06", "load -50 N", "lift", "speed 0.5 m/s",
+            "frequency response with a motion up to 5 um", "run.mf4 written, 10.0 s", "derived signal a = 2 * gap"];
+          return texts.map((text) => inPlainWords(text, anhyst.bench));
+        }"""
+    )
+    assert plain == [
+        "Target 470 µm",
+        "Proportional gain 4.093 MN/m",
+        "Load -50 N",
+        "Lift",
+        "Speed 0.5 m/s",
+        "Frequency response with a motion up to 5 µm",
+        "run.mf4 written, 10.0 s",
+        "Derived signal a = 2 * gap",
+    ]

@@ -2,7 +2,7 @@
 
 import { make, refuse } from "./dom.js";
 import { describe, sign, words } from "./names.js";
-import { Quantity, unitFor } from "./quantity.js";
+import { Quantity, showParameter } from "./quantity.js";
 
 export class Parameters extends EventTarget {
   #staged = new Map();
@@ -95,7 +95,7 @@ export class Parameters extends EventTarget {
       {},
       name,
       ...cells.map((cell) => make("td", {}, cell)),
-      make("td", { textContent: `now ${shownValue(one)}` }),
+      make("td", { textContent: `now ${showParameter(one)}` }),
       make("td", { className: "soft", textContent: field.range() }),
       make("td", { className: "soft", textContent: one.doc }),
     );
@@ -199,9 +199,4 @@ export class Parameters extends EventTarget {
 
 function group(one) {
   return words(one.name.split(/[._]/)[0]);
-}
-
-function shownValue(one) {
-  const { name, factor } = unitFor(one);
-  return `${Number((one.value * factor).toPrecision(5))}${name && ` ${name}`}`;
 }

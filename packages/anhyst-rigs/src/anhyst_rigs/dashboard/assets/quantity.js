@@ -15,6 +15,12 @@ export function unitFor({ unit, low, high, value = 0 }) {
   return { name: prefix + unit, factor: 1 / part };
 }
 
+// Returns the value of a parameter with its unit.
+export function showParameter(one) {
+  const { name, factor } = unitFor(one);
+  return `${Number((one.value * factor).toPrecision(5))}${name && ` ${name}`}`;
+}
+
 // Returns the SI value of a text; throws an error with the remedy. A number without a unit has the shown unit.
 export function parse(text, unit, display) {
   const found = /^([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?)\s*(.*)$/i.exec(text.trim().replace("−", "-"));

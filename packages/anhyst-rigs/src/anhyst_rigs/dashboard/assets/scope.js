@@ -221,6 +221,7 @@ export class Scope {
       const { Overlay } = await import("./overlay.js");
       const overlay = await Overlay.read(file, this.bench);
       this.overlays = [...this.overlays, overlay];
+      this.#align();
       this.overlayList.append(this.#entry(overlay));
     } catch (wrong) {
       this.notify(`${file.name}: ${wrong.message}`);
