@@ -306,8 +306,9 @@ def test_pictures_name_recordings_and_figures_and_the_page_names_the_file(
     until(page, "window.anhyst.finder.steps.length > 0")
     page.locator("#step-down").click()
     words = str(seen(page, "page.views.get('steps').words()"))
-    assert re.search(r"with compensation, \d+ steps?, height 20 µm, noise before [\d.]+ %", words)
-    assert "settling to 5 % " in words
+    assert re.search(r"with compensation, \d+ steps?', '#0072b2'\], \['Height: 20 µm'", words)
+    assert re.search(r"Noise before: [\d.]+ %", words)
+    assert "Settling to 5 %: " in words
 
 
 def test_the_log_has_the_names_and_units_of_the_page(page: Page) -> None:

@@ -47,7 +47,7 @@ export class Plane {
     context.rect(
       MARGIN.left,
       MARGIN.top,
-      this.canvas.clientWidth,
+      this.canvas.clientWidth - MARGIN.left - MARGIN.right,
       this.canvas.clientHeight - MARGIN.top - MARGIN.bottom,
     );
     context.clip();

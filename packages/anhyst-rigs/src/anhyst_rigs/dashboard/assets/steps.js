@@ -45,8 +45,7 @@ export class StepView {
   }
 
   words() {
-    const line = (cells) => cells.map((cell, n) => (n ? `${HEADS[n].toLowerCase()} ${cell}` : cell)).join(", ");
-    return this.#cells().map((cells, n) => [[line(cells), COLOURS[n]]]);
+    return this.#cells().map((cells, n) => cells.map((cell, m) => [m ? `${HEADS[m]}: ${cell}` : cell, COLOURS[n]]));
   }
 
   draw() {
@@ -85,13 +84,13 @@ export class StepView {
       const mine = steps.filter((step) => step.label === label);
       const column = (of, write) => spread(mine.map(of), write);
       const percent = (value) => `${value.toFixed(1)} %`;
-      const noise = column((step) => step.noise, percent);
+      const noise = Math.max(...mine.map((step) => step.noise));
       const hasOvershoot = mine.some((step) => step.overshoot > step.noise);
       return [
         `${names[n]}, ${mine.length} ${mine.length === 1 ? "step" : "steps"}`,
         column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),
-        noise,
-        hasOvershoot ? column((step) => step.overshoot, percent) : `none above the noise of ${noise}`,
+        column((step) => step.noise, percent),
+        hasOvershoot ? column((step) => step.overshoot, percent) : `none above the noise of ${percent(noise)}`,
         column((step) => step.rise, (value) => `${(1e3 * value).toFixed(2)} ms`),
         column((step) => step.settling, (value) => `${(1e3 * value).toFixed(1)} ms`),
       ];
@@ -117,7 +116,7 @@ function spread(values, write) {
   const finite = values.filter(Number.isFinite);
   if (!finite.length) return "–";
   const mean = finite.reduce((sum, one) => sum + one, 0) / finite.length;
-  const low = Math.min(...finite);
-  const high = Math.max(...finite);
-  return low === high ? write(mean) : `${write(mean)} (${write(low)} to ${write(high)})`;
+  const low = write(Math.min(...finite));
+  const high = write(Math.max(...finite));
+  return low === high ? low : `${write(mean)} (${low} to ${high})`;
 }
