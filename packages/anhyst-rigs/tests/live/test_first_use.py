@@ -283,7 +283,7 @@ def test_a_measurement_states_why_no_target_can_be_set(page: Page) -> None:
     page.locator("[data-view=bode]").click()
     until(page, "!document.getElementById('measure-response').disabled")
     page.locator("#measure-response").click()
-    until(page, "document.querySelector('.main p').textContent.startsWith('Running: A measurement drives')")
+    until(page, "document.querySelector('.main p').textContent.startsWith('Running. A measurement drives')")
     assert page.locator("#go").is_disabled()
     assert place.bounding_box() == before  # the longer hint moves nothing
     page.locator("#measure-response").click()
@@ -330,3 +330,17 @@ def test_the_log_has_the_names_and_units_of_the_page(page: Page) -> None:
         "run.mf4 written, 10.0 s",
         "Derived signal a = 2 * gap",
     ]
+
+
+def test_the_compensation_is_a_checkbox_among_the_parameters(page: Page, bearing: Served) -> None:
+    page.locator("[data-view=parameters]").click()
+    box = page.get_by_label("Compensation, on")
+    assert box.is_checked()
+    box.uncheck()
+    page.locator("#apply").click()
+    until(page, "document.getElementById('parameters').textContent.includes('now off')")
+    assert not box.is_checked()
+    assert {one.name: one.value for one in bearing.session.parameters}["compensation"] == 0.0
+    page.keyboard.press("c")
+    until(page, "document.getElementById('parameters').textContent.includes('now on')")
+    assert box.is_checked()

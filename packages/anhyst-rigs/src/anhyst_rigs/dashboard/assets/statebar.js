@@ -65,5 +65,5 @@ export class StateBar {
 
 // Returns what the user can do while the rig runs, or why the target is refused.
 function runningHint(refusal) {
-  return refusal ? `Running: ${inWords(refusal)}.` : "Running: set a target, or start the generator.";
+  return refusal ? `Running. ${inWords(refusal)}.` : "Running: set a target, or start the generator.";
 }
