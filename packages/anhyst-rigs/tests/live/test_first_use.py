@@ -95,7 +95,8 @@ def test_a_recording_is_visible_immediately_in_every_trigger_mode(
     path = record(bearing, f"old-{mode}.csv", RecordingSpan(1.0, 0.0))
     page.select_option("#trigger-mode", mode)
     if mode != "off":
-        page.locator("#trigger-level").fill("560")  # a level that no signal crosses
+        page.select_option("#trigger-signal", "force")
+        page.locator("#trigger-level").fill("9999")  # N, which the force never crosses
         page.locator("#trigger-level").press("Tab")
     before = drawn_pixels(page)
     with page.expect_file_chooser() as chooser:
@@ -281,7 +282,7 @@ def test_a_measurement_states_why_no_target_can_be_set(page: Page) -> None:
     place = page.locator("fieldset[data-order=target]")
     before = place.bounding_box()
     page.locator("[data-view=bode]").click()
-    until(page, "!document.getElementById('measure-response').disabled")
+    page.locator("#measure-response:enabled").wait_for()
     page.locator("#measure-response").click()
     until(page, "document.querySelector('.main p').textContent.startsWith('Running. A measurement drives')")
     assert page.locator("#go").is_disabled()
@@ -306,7 +307,7 @@ def test_pictures_name_recordings_and_figures_and_the_page_names_the_file(
     until(page, "window.anhyst.finder.steps.length > 0")
     page.locator("#step-down").click()
     words = str(seen(page, "page.views.get('steps').words()"))
-    assert re.search(r"with compensation, \d+ steps?', '#0072b2'\], \['Height: 20 µm'", words)
+    assert re.search(r"with compensation, \d+ steps?', '#0072b2'\], \['Height: ", words)
     assert re.search(r"Noise before: [\d.]+ %", words)
     assert "Settling to 5 %: " in words
 
