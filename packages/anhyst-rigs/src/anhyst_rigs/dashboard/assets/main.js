@@ -4,7 +4,7 @@ import { NAME as COMPENSATION } from "./compensation.js";
 import { Desks } from "./desks.js";
 import { download, keeping, make, refuse } from "./dom.js";
 import { Link } from "./link.js";
-import { Notices } from "./notices.js";
+import { Notices, SHORT_NOTICE_MS } from "./notices.js";
 import { Panel } from "./panel.js";
 import { kinds } from "./panels.js";
 import { Parameters } from "./parameters.js";
@@ -272,7 +272,7 @@ async function save(kind) {
   const title = `${bench.title}, ${desk?.layout.name ?? view}, tick ${store.newest}`;
   const draw = () => picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]);
   download(name, kind === "csv" ? new Blob([csv(shown.table())], { type: "text/csv" }) : await draw());
-  notices.show(`saved as ${name}`);
+  notices.show(`saved as ${name}`, false, SHORT_NOTICE_MS);
 }
 
 // Returns the local date and time for the name of a file, such as 20261130-132200.
