@@ -206,7 +206,7 @@ def test_a_dropped_recording_is_overlaid_and_aligned_by_the_trigger(page: Page, 
     page.locator("#trigger-level").fill("425")
     drop_file(page, "#scope .timeplot", bearing.session.recorder.folder / "step.mf4")
     until(page, "window.anhyst.scope.overlays.length === 1")
-    assert page.get_by_text("step.mf4, pale").is_visible()
+    assert page.get_by_text("step.mf4: wide pale line").is_visible()
     page.locator("#trigger-level").fill("440")
     page.locator("#trigger-level").press("Tab")
     page.locator("#target").fill("450")

@@ -217,13 +217,18 @@ def test_step_metrics_agree_with_the_recording(serve: Serve, show: Show, tmp_pat
     page.keyboard.press("Tab")
     page.get_by_role("tab", name="3 steps").click()
     page.wait_for_selector("#steps tbody tr")
-    shown = float(page.locator("#steps tbody tr td").nth(3).inner_text().split()[0])
+    (step,) = seen(page, "page.finder.steps")
+    stated = page.locator("#steps tbody tr td").nth(4).inner_text()
     served.end()
     rows = numbers(record)
     gap, reference = rows[:, 2], rows[:, 5]
     (jump,) = np.flatnonzero(np.abs(np.diff(reference)) > 19e-6) + 1
     after = gap[jump : jump + 1200]
-    assert shown == pytest.approx(100.0 * (430e-6 - after.min()) / 20e-6, abs=0.15)
+    assert step["overshoot"] == pytest.approx(max(0.0, 100.0 * (430e-6 - after.min()) / 20e-6), abs=0.15)
+    before = gap[jump - 200 : jump]
+    assert step["noise"] == pytest.approx(4.0 * 100.0 * before.std() / 20e-6, rel=0.01)
+    assert step["overshoot"] < step["noise"]
+    assert stated == f"none above the noise of {step['noise']:.1f} %"
 
 
 @pytest.mark.slow
@@ -239,10 +244,9 @@ def test_switching_the_compensation_off_shows_a_larger_overshoot(serve: Serve, s
         page.keyboard.press("c")  # off, then on again
     page.wait_for_selector("#compensation[aria-pressed=true]")
     rows = [row.split("\t") for row in page.locator("#steps tbody tr").all_inner_texts()]
-    assert [row[1] for row in rows] == ["with compensation (1)", "without compensation (1)"]
-    with_it, without = (float(row[3].split()[0]) for row in rows)
-    assert with_it < 1.0
-    assert without > 4.0
+    assert [row[1] for row in rows] == ["with compensation, 1 step", "without compensation, 1 step"]
+    assert rows[0][4].startswith("none above the noise of 0.")
+    assert float(rows[1][4].split()[0]) > 4.0
     message = [entry.text for entry in served.session.log if "compensation" in entry.text]
     assert message == ["compensation = 0", "compensation = 1"]
 

@@ -108,7 +108,7 @@ def test_one_without_end_is_stopped_at_the_tick_of_the_order(fed: Fed) -> None:
     fed.feed(500)
     wait_for(ended(fed))
     assert np.array_equal(numbers(fed.recorder.folder / "run.csv")[:, 0], np.arange(1, 778))
-    assert fed.said == ["run.csv: written, 777 ticks"]
+    assert fed.said == ["run.csv written, 0.777 s"]
 
 
 @pytest.mark.parametrize("rising", [True, False])

@@ -319,6 +319,7 @@ class TickRecorder:
             None
         )
         self._first_tick, self._last_tick = 0, math.inf  # first and last tick of the recording
+        self._begin_tick, self._written_until_tick = 0, 0  # first and last tick that the file contains
 
     def make_level_crossing(self, signal: str, level: float, is_rising: bool) -> LevelCrossing:
         """Return the start condition that a signal crosses a level."""
@@ -363,6 +364,7 @@ class TickRecorder:
         with self._lock:
             self.error_text = ""
             self._file, self._span, self._next_row = file, recording_span, None
+            self._begin_tick = 0
             if recording_span.crossing is None:
                 self._set_limits_around(tick + 1)
 
@@ -373,7 +375,7 @@ class TickRecorder:
                 raise InputError("record: no recording runs", code="no-recording", key="record")
             if self._next_row is None:
                 path = self._file.path
-                self._close_file("left, nothing crossed")
+                self._close_file("not written: nothing crossed the level")
                 # This must follow the closing, because Windows cannot remove an open file.
                 path.unlink()
             else:
@@ -449,6 +451,8 @@ class TickRecorder:
             rows = self._recorded.extend(rows)
         recorded_rows = rows[(rows[:, 0] >= self._first_tick) & (rows[:, 0] <= self._last_tick)]
         if len(recorded_rows):
+            self._written_until_tick = int(recorded_rows[-1, 0])
+            self._begin_tick = self._begin_tick or int(recorded_rows[0, 0])
             self._write_or_stop(lambda file: file.write_rows(recorded_rows))
         if self._ring.read(end_row - 1, end_row)[0, 0] >= self._last_tick:
             self._close_file("written")
@@ -461,11 +465,13 @@ class TickRecorder:
             write(self._file)
         except OSError as error:
             self.error_text = f"{self._file.path.name}: {error.strerror}"
-            self._close_file("broke off")
+            self._close_file("ended early")
 
     def _close_file(self, end_reason: str) -> None:
         if self._file is not None:
             self._file.close()
-            self._notify(f"{self._file.path.name}: {end_reason}, {self._file.rows} ticks")
+            seconds = (self._written_until_tick + 1 - self._begin_tick) / self._rate
+            duration = f", {seconds:.{1 if seconds >= 1.0 else 3}f} s" if self._file.rows else ""
+            self._notify(f"{self._file.path.name} {end_reason}{duration}")
         self._file, self._next_row, self._last_tick, self._span = (None, None, math.inf, RecordingSpan())
         self._recorded = None

@@ -9,6 +9,7 @@ const CURVES = { closed_loop: ["Closed loop", COLOURS[0]], sensitivity: ["Sensit
 const CHOICES = { loop: ["closed_loop", "sensitivity"], plant: ["plant"] };
 const ZONES = [["A", 3], ["B", 4], ["C", 5]]; // largest peak of the sensitivity in each zone of ISO 14839-3
 const ZONE_TEXT_DB = 4; // room for the names of the zones above the highest limit
+const MAX_FINE_PHASE_DEG = 540; // largest range of phase with a label at each 90 degrees
 const MIN_MOTION_PART = 1e-3; // smallest motion, relative to the largest
 const WITHOUT_PORT = "This rig cannot add a signal to its position reading, so its frequency response cannot be measured.";
 const EMPTY = "No frequency response yet. Lift the body, wait until it rests, and press Measure: a signal of 18 s measures 200 points from 1 Hz to 5 kHz.";
@@ -110,7 +111,8 @@ export class BodePanel {
       const plane = this.planes[n];
       const shown = curves.map((curve) => curve[kind].filter((value) => value !== null));
       const zones = kind === "decibel" && names.includes("sensitivity") ? ZONES.map(([, peak]) => decibel(peak)) : [];
-      const [low, high] = kind === "coherence" ? [0, 1.05] : limits(...shown, zones, zones.slice(-1).map((level) => level + ZONE_TEXT_DB));
+      const [low, high] = kind === "coherence" ? [0, 1.05] : kind === "phase" ? rightAngles(limits(...shown)) : limits(...shown, zones, zones.slice(-1).map((level) => level + ZONE_TEXT_DB));
+      if (kind === "phase") plane.yStep = high - low > MAX_FINE_PHASE_DEG ? 180 : 90;
       plane.begin([xs[0], xs.at(-1), low, high]);
       for (const level of zones) plane.line([xs[0], xs.at(-1)], [level, level], ink("--soft"), 1, 0.6);
       if (zones.length) labelZones(plane, xs[0]);
@@ -148,6 +150,8 @@ export class BodePanel {
   }
 }
 
+// Returns a range of phase that is extended to multiples of 90 degrees.
+const rightAngles = ([low, high]) => [90 * Math.floor(low / 90), 90 * Math.ceil(high / 90)];
 const decibel = (factor) => 20 * Math.log10(factor);
 const rounded = (value, digits = 4) => String(Number(value.toPrecision(digits)));
 
@@ -156,7 +160,7 @@ function readings({ margins, zone, facts }) {
   const text = (value, digits = 3) => (value === null ? "not found" : rounded(value, digits));
   const exact = Object.entries(facts).find(([name]) => name.startsWith("points"));
   return [
-    ["Sensitivity peak", `${text(margins.peak)} at ${text(margins.peak_frequency)} Hz`],
+    ["Sensitivity peak", `${text(margins.peak)} (${decibel(margins.peak).toFixed(1)} dB) at ${text(margins.peak_frequency)} Hz`],
     ["ISO 14839-3", `Zone ${zone}`],
     ["Modulus margin", text(margins.modulus)],
     ["Phase margin", margins.phase === null ? "not found" : `${text(margins.phase)}° at ${text(margins.crossover)} Hz`],

@@ -5,6 +5,8 @@ import { ink } from "./colours.js";
 const MARGIN = { left: 62, right: 24, top: 12, bottom: 40 };
 
 export class Plane {
+  yStep = undefined; // distance of the labels at the y axis; undefined: chosen from the range
+
   // `log`: the values are logarithms, and both axes are labelled in decades; "x": only those of the x axis.
   constructor(place, xLabel, yLabel, log = false) {
     this.log = log;
@@ -45,7 +47,7 @@ export class Plane {
     context.rect(
       MARGIN.left,
       MARGIN.top,
-      this.canvas.clientWidth,
+      this.canvas.clientWidth - MARGIN.left - MARGIN.right,
       this.canvas.clientHeight - MARGIN.top - MARGIN.bottom,
     );
     context.clip();
@@ -116,7 +118,7 @@ export class Plane {
     }
     context.fillText(this.labels[0], (MARGIN.left + width) / 2, height - 6);
     context.textAlign = "right";
-    for (const value of steps("y")(low, high)) {
+    for (const value of steps("y")(low, high, this.yStep)) {
       context.moveTo(MARGIN.left, this.y(value));
       context.lineTo(width - MARGIN.right, this.y(value));
       context.fillText(text(value, "y"), MARGIN.left - 6, this.y(value) + 4);
@@ -135,14 +137,16 @@ function label(value) {
   return String(Number(value.toPrecision(6)));
 }
 
-// Returns about six round numbers within a range.
-export function marks(low, high) {
-  const raw = (high - low) / 6;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].find((one) => one * power >= raw) * power;
+// Returns about six round numbers within a range, or the multiples of a step.
+export function marks(low, high, step = roundStep((high - low) / 6)) {
   const found = [];
   for (let n = Math.ceil(low / step); n * step <= high; n++) found.push(n * step);
   return found;
+}
+
+function roundStep(raw) {
+  const power = 10 ** Math.floor(Math.log10(raw));
+  return [1, 2, 5, 10].find((one) => one * power >= raw) * power;
 }
 
 function decades(low, high) {

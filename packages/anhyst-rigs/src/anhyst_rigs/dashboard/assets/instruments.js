@@ -54,7 +54,7 @@ export function plot({ scope, bench }, settings, save) {
   return { element: plot.element, plot };
 }
 
-export function loop({ bench, store, scope }, settings, save) {
+export function loop({ bench, scope }, settings, save) {
   const has = (name) => columnOf(bench, name) >= 0;
   const chosen = { x: has("current") ? "current" : bench.aim.reference, y: has("force") ? "force" : bench.aim.signal, ...settings };
   const figure = make("figure");
@@ -66,6 +66,7 @@ export function loop({ bench, store, scope }, settings, save) {
   };
   for (const axis of ["x", "y"]) choices[axis] = signalChoice(bench, chosen[axis], `${axis} axis`, (name) => choose(axis, name));
   const points = () => {
+    const { store } = scope;
     const first = store.find(scope.view.from);
     const end = store.find(scope.view.to + 1);
     const every = Math.max(1, Math.ceil((end - first) / MAX_POINTS));
@@ -78,7 +79,7 @@ export function loop({ bench, store, scope }, settings, save) {
   const draw = paced(() => {
     const [x, y] = points().map(({ signal, values }) => {
       const { factor, name } = shown(signal.unit);
-      return { signal, name, values: values.map((value) => value * factor), least: leastSpan(bench, store, signal.unit) * factor };
+      return { signal, name, values: values.map((value) => value * factor), least: leastSpan(bench, scope.store, signal.unit) * factor };
     });
     plane.labels = [x, y].map(({ signal, name }) => [signal.label, name].filter(Boolean).join(" / "));
     plane.begin([x, y].flatMap(({ values, least }) => atLeast(limits(values), least)));

@@ -4,7 +4,7 @@ import { NAME as COMPENSATION } from "./compensation.js";
 import { Desks } from "./desks.js";
 import { download, keeping, make, refuse } from "./dom.js";
 import { Link } from "./link.js";
-import { Notices } from "./notices.js";
+import { Notices, SHORT_NOTICE_MS } from "./notices.js";
 import { Panel } from "./panel.js";
 import { kinds } from "./panels.js";
 import { Parameters } from "./parameters.js";
@@ -13,7 +13,7 @@ import { SignalList } from "./signallist.js";
 import { columnOf, label } from "./signals.js";
 import { StepFinder } from "./stepfinder.js";
 import { Store } from "./store.js";
-import { inWords } from "./verbs.js";
+import { inPlainWords, inWords } from "./verbs.js";
 import { VIEWS } from "./views.js";
 
 const MAX_CYCLES = 500; // largest number of learning cycles that are kept
@@ -115,13 +115,13 @@ async function fixedPanel(kind, context) {
 
 // Adopts the signals of the bench after a derived signal was defined or deleted.
 function adopt(signals) {
-  const { bench, store, scope, list } = page;
+  const { bench, scope, list } = page;
   const old = bench.signals;
   bench.signals = signals;
   label(bench);
   page.layouts.set(signals.length, signals.map((one) => one.name));
   bench.choices.set("derived", signals.filter((one) => one.expression).map(({ name, expression, unit }) => ({ name, expression, unit })));
-  store.arrange(signals.map((one) => old.findIndex(({ name }) => name === one.name)));
+  scope.arrange(signals.map((one) => old.findIndex(({ name }) => name === one.name)));
   scope.rebuild();
   list.build();
 }
@@ -176,7 +176,7 @@ function status(now) {
   shownDesk()?.status(now);
   role(now);
   if (!now.refused.derive) restoreDerived();
-  for (const { tick, who, text } of now.log) notices.write(text, who, tick, bench.rate);
+  for (const { tick, who, text } of now.log) notices.write(inPlainWords(text, bench), who, tick, bench.rate);
   if (now.ended) notices.show(now.ended, true);
   else if (now.lost) notices.show(`${now.lost}; looking for it`, true);
   else if (now.waits_for) notices.show(`the bench waits for ${now.waits_for}`);
@@ -267,11 +267,20 @@ async function save(kind) {
   const { bench, store } = page;
   const shown = shownView();
   const desk = shownDesk();
-  const name = `${bench.title.replace(/\W+/g, "-")}-${view.replace(" ", "-")}-${store.newest}.${kind}`;
+  const name = `${bench.title.replace(/\W+/g, "-")}-${view.replace(" ", "-")}-${timeStamp()}.${kind}`;
   const { csv, picture } = await import("./picture.js");
-  if (kind === "csv") return download(name, new Blob([csv(shown.table())], { type: "text/csv" }));
   const title = `${bench.title}, ${desk?.layout.name ?? view}, tick ${store.newest}`;
-  return download(name, await picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]));
+  const draw = () => picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]);
+  download(name, kind === "csv" ? new Blob([csv(shown.table())], { type: "text/csv" }) : await draw());
+  notices.show(`saved as ${name}`, false, SHORT_NOTICE_MS);
+}
+
+// Returns the local date and time for the name of a file, such as 20261130-132200.
+function timeStamp() {
+  const now = new Date();
+  const parts = [now.getFullYear(), now.getMonth() + 1, now.getDate(), now.getHours(), now.getMinutes(), now.getSeconds()];
+  const digits = parts.map((part) => String(part).padStart(2, "0"));
+  return `${digits.slice(0, 3).join("")}-${digits.slice(3).join("")}`;
 }
 
 function theme(name) {
@@ -331,15 +340,15 @@ function draw() {
 
 // Lists the tabs of the views that the bench has.
 function tabs() {
-  const tab = (name, text) => {
-    const button = make("button", { textContent: text, role: "tab", onclick: () => choose(name) });
+  const tab = (name, text, title = "") => {
+    const button = make("button", { textContent: text, title, role: "tab", onclick: () => choose(name) });
     button.dataset.view = name;
     return button;
   };
   const word = (name) => name.charAt(0).toUpperCase() + name.slice(1);
   at("tabs").replaceChildren(
     ...VIEWS.filter(({ name }) => offered(name)).map(({ name, key }) => tab(name, `${key} ${word(name)}`)),
-    ...fixedKinds().map(({ kind, title }) => tab(kind, title)),
+    ...fixedKinds().map(({ kind, title, hint }) => tab(kind, title, hint)),
   );
 }
 

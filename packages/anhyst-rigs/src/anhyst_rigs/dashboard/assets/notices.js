@@ -3,6 +3,7 @@
 import { make } from "./dom.js";
 
 const NOTICE_MS = 12000; // time after which a message disappears, unless it remains
+export const SHORT_NOTICE_MS = 4000; // the same for a message without a reason or a remedy
 
 export class Notices {
   #timer = 0;
@@ -17,13 +18,13 @@ export class Notices {
   }
 
   // Shows a message; `lasting` messages remain until they are dismissed or replaced.
-  show(text, lasting = false) {
+  show(text, lasting = false, time = NOTICE_MS) {
     if (this.text.textContent === text && !this.place.hidden) return;
     this.text.textContent = text;
     this.place.replaceChildren(this.text, this.close);
     this.place.hidden = false;
     clearTimeout(this.#timer);
-    if (!lasting) this.#timer = setTimeout(() => this.hide(), NOTICE_MS);
+    if (!lasting) this.#timer = setTimeout(() => this.hide(), time);
   }
 
   hide() {

@@ -4,9 +4,10 @@ import { readCsv, readMdf } from "./recordings.js";
 import { Store } from "./store.js";
 
 export class Overlay {
-  shift = null; // ticks from the recording's time to that of the bench; null before it has a place
+  shift = 0; // ticks from the recording's time to that of the bench
+  crosses = false; // whether its crossing of the trigger level is aligned with the shown one
   #nudge = 0; // shift that the user adds, ticks
-  #aligned = 0;
+  #crossing = {}; // settings of the last trigger, and the tick at which the recording crosses its level
 
   // Reads a file; throws an error with the reason if it is not a recording of this bench.
   static async read(file, bench) {
@@ -30,35 +31,43 @@ export class Overlay {
     this.store.push({ first: ticks[0], last: ticks.at(-1), ticks, data: [...columns.values()] });
   }
 
-  // Aligns the first crossing of a trigger's level with a tick of the bench.
-  align({ name, level, rising }, tick) {
+  // Duration, ticks.
+  get span() {
+    return this.ticks.at(-1) + 1 - this.ticks[0];
+  }
+
+  // Aligns the first crossing of a trigger's level with the tick `hit` of the bench; without a trigger or without a
+  // crossing, the last row with the tick `end`.
+  align(trigger, hit, end) {
+    if (trigger && trigger !== this.#crossing.trigger) this.#crossing = { trigger, tick: this.#find(trigger) };
+    this.crosses = Boolean(trigger) && this.#crossing.tick !== undefined;
+    this.end = end;
+    this.shift = this.#nudge + (this.crosses ? hit - this.#crossing.tick : end - this.ticks.at(-1));
+  }
+
+  // Returns the tick of the first crossing of a trigger's level; undefined if there is none.
+  #find({ name, level, rising }) {
     const values = this.columns.get(name);
     const sign = rising ? 1 : -1;
-    const crossed = values?.findIndex((value, n) => n && sign * (value - level) >= 0 && sign * (values[n - 1] - level) < 0);
-    if (crossed > 0) this.#move(tick - this.ticks[crossed]);
-    else this.place(tick);
-  }
-
-  // Places the start of the recording at a tick, unless it already has a place.
-  place(tick) {
-    if (this.shift === null) this.#move(tick - this.ticks[0]);
-  }
-
-  #move(aligned) {
-    this.#aligned = aligned;
-    this.shift = aligned + this.#nudge;
+    const row = values?.findIndex((value, n) => n && sign * (value - level) >= 0 && sign * (values[n - 1] - level) < 0);
+    return this.ticks[row];
   }
 
   nudge(ticks) {
     this.#nudge = ticks;
-    this.#move(this.#aligned);
+  }
+
+  // Whether no row is between two ticks of the bench.
+  isOutside({ from, to }) {
+    return this.ticks[0] + this.shift > to || this.ticks.at(-1) + this.shift < from;
   }
 
   // Returns the columns to draw between two ticks of the bench, for the signals that the recording contains.
   envelope(signals, from, to, pixels) {
     const known = signals.filter((signal) => this.order.has(signal.name));
     const columns = known.map((signal) => this.order.get(signal.name));
-    const trace = this.store.envelope(columns, from - this.shift, to - this.shift, pixels);
+    const none = { ticks: [], columns: columns.map(() => []) };
+    const trace = this.isOutside({ from, to }) ? none : this.store.envelope(columns, from - this.shift, to - this.shift, pixels);
     return { ...trace, signals: known, shift: this.shift };
   }
 }

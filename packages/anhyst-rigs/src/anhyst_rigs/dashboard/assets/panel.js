@@ -171,21 +171,20 @@ export class Panel {
     if (document.activeElement !== this.speed) this.speed.value = String(status.speed);
   }
 
-  // Shows the present target, and proposes a target that the controller accepts until the user edits the field.
+  // Shows the present target. After a change, the field and the slider show it too, unless the user is changing them
+  // or the controller does not accept it; at first, they show a target that it accepts.
   #showTarget(target) {
     this.targetNow.textContent = `now ${show(target, this.unit)}`;
-    if (this.target.input.value !== "" || target === null) return;
+    if (target === null || target === this.activeTarget) return;
+    this.activeTarget = target;
     const { aim } = this.bench;
     const accepted = target >= aim.low && target <= aim.high && target !== 0;
-    this.target.set(accepted || aim.low < 0 ? target : aim.low + usual(aim, 0.25) / shown(aim.unit).factor);
-    this.target.follow();
+    if (this.target.input.value === "") this.target.set(accepted || aim.low < 0 ? target : aim.low + usual(aim, 0.25) / shown(aim.unit).factor);
+    else if (accepted && !this.target.isBusy()) this.target.set(target);
   }
 
   // Moves a field and its slider to a value that another browser has set, unless the user is editing them.
   #follow(quantity, value) {
-    const [first, , slider] = quantity.lines;
-    if (first.contains(document.activeElement) || document.activeElement === slider || quantity.value === value) return;
-    quantity.set(value);
-    quantity.follow();
+    if (!quantity.isBusy() && quantity.value !== value) quantity.set(value);
   }
 }

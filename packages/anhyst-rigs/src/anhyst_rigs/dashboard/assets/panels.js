@@ -3,6 +3,7 @@
 // A kind is an object:
 //   kind      key in the saved layout, such as "gauge"
 //   title     name in the menu and in the head of the panel, in sentence case
+//   hint      tooltip of a fixed tab; optional
 //   size      [columns, rows] of a new panel on the grid of 12 columns
 //   make(context, settings, save)   returns a promise of a panel; `settings` is a JSON object that the layout
 //             stores, {} for a new panel; after a change, the panel calls save({ ...settings }) with all its settings

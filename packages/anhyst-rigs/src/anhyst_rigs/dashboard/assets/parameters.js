@@ -1,8 +1,11 @@
 // Parameters as a tree: edited values are staged, applied together, confirmed by a tick.
 
+import { NAME as COMPENSATION } from "./compensation.js";
 import { make, refuse } from "./dom.js";
 import { describe, sign, words } from "./names.js";
-import { Quantity, unitFor } from "./quantity.js";
+import { Quantity, showParameter } from "./quantity.js";
+
+const SWITCHED = ["off", "on"];
 
 export class Parameters extends EventTarget {
   #staged = new Map();
@@ -89,16 +92,28 @@ export class Parameters extends EventTarget {
     field.input.addEventListener("keydown", (event) => event.key === "Enter" && event.ctrlKey && this.apply());
     this.#fields.set(one.name, field);
     const name = make("th", { scope: "row", title: `${one.name}: ${one.doc}` }, label, sign(symbol));
-    const cells = [field.slider(), make("div", {}, ...field.elements, field.message)];
+    const isSwitch = one.name === COMPENSATION;
+    const control = isSwitch ? this.#checkbox(one, field) : field.slider();
+    const cells = [control, make("div", { hidden: isSwitch }, ...field.elements, field.message)];
     return make(
       "tr",
       {},
       name,
       ...cells.map((cell) => make("td", {}, cell)),
-      make("td", { textContent: `now ${shownValue(one)}` }),
-      make("td", { className: "soft", textContent: field.range() }),
+      make("td", { textContent: `now ${isSwitch ? SWITCHED[one.value] : showParameter(one)}` }),
+      make("td", { className: "soft", textContent: isSwitch ? "off or on" : field.range() }),
       make("td", { className: "soft", textContent: one.doc }),
     );
+  }
+
+  // Returns a checkbox for a parameter that is 0 or 1.
+  #checkbox(one, field) {
+    const box = make("input", { type: "checkbox", checked: field.value !== 0, ariaLabel: `${field.spec.label}, on` });
+    box.onchange = () => {
+      field.set(Number(box.checked));
+      this.#stage(one, field.value);
+    };
+    return box;
   }
 
   #stage(one, value) {
@@ -199,9 +214,4 @@ export class Parameters extends EventTarget {
 
 function group(one) {
   return words(one.name.split(/[._]/)[0]);
-}
-
-function shownValue(one) {
-  const { name, factor } = unitFor(one);
-  return `${Number((one.value * factor).toPrecision(5))}${name && ` ${name}`}`;
 }

@@ -4,14 +4,16 @@ import { ink } from "./colours.js";
 
 const MARGIN_PX = 12; // margin around the picture, pixels
 const LINE_HEIGHT_PX = 18; // distance between two lines of text, pixels
+const FONT = "13px system-ui, sans-serif";
 
 // Makes a PNG of all canvases of a view, below header lines of [text, colour] parts.
-export function picture(view, lines) {
+export function picture(view, parts) {
   const drawn = [...view.querySelectorAll("canvas")].filter((one) => one.clientWidth > 0);
   const boxes = drawn.map((one) => one.getBoundingClientRect());
   const left = Math.min(...boxes.map((box) => box.left)) - MARGIN_PX;
-  const top = Math.min(...boxes.map((box) => box.top)) - MARGIN_PX - LINE_HEIGHT_PX * lines.length - MARGIN_PX;
   const right = Math.max(...boxes.map((box) => box.right)) + MARGIN_PX;
+  const lines = wrapped(parts, right - left - 2 * MARGIN_PX);
+  const top = Math.min(...boxes.map((box) => box.top)) - MARGIN_PX - LINE_HEIGHT_PX * lines.length - MARGIN_PX;
   const bottom = Math.max(...boxes.map((box) => box.bottom)) + MARGIN_PX;
   const canvas = document.createElement("canvas");
   canvas.width = Math.ceil((right - left) * devicePixelRatio);
@@ -28,8 +30,28 @@ export function picture(view, lines) {
   return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
 }
 
+// Breaks lines between their parts, so that each fits into a width, pixels.
+function wrapped(lines, width) {
+  const context = document.createElement("canvas").getContext("2d");
+  context.font = FONT;
+  const found = [];
+  for (const line of lines) {
+    let used = Infinity;
+    for (const part of line) {
+      const needed = context.measureText(part[0]).width + MARGIN_PX;
+      if (used + needed - MARGIN_PX > width) {
+        found.push([]);
+        used = 0;
+      }
+      found.at(-1).push(part);
+      used += needed;
+    }
+  }
+  return found;
+}
+
 function write(context, line, y) {
-  context.font = "13px system-ui, sans-serif";
+  context.font = FONT;
   let x = MARGIN_PX;
   for (const [text, colour] of line) {
     context.fillStyle = colour ?? ink("--ink");

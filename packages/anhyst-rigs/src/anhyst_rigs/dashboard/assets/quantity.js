@@ -15,6 +15,12 @@ export function unitFor({ unit, low, high, value = 0 }) {
   return { name: prefix + unit, factor: 1 / part };
 }
 
+// Returns the value of a parameter with its unit.
+export function showParameter(one) {
+  const { name, factor } = unitFor(one);
+  return `${Number((one.value * factor).toPrecision(5))}${name && ` ${name}`}`;
+}
+
 // Returns the SI value of a text; throws an error with the remedy. A number without a unit has the shown unit.
 export function parse(text, unit, display) {
   const found = /^([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?)\s*(.*)$/i.exec(text.trim().replace("−", "-"));
@@ -82,9 +88,11 @@ export class Quantity {
     return String(Number((value * this.display.factor).toPrecision(6)));
   }
 
+  // Shows a value in the field and at its slider.
   set(value) {
     this.input.value = this.text(value);
     this.check();
+    this.follow?.();
   }
 
   // Shows what is wrong with the text; returns whether it is valid.
@@ -132,8 +140,10 @@ export class Quantity {
       slider.value = Number(slider.value) + way * (event.shiftKey ? 1 : 10);
       take();
     };
-    this.input.addEventListener("input", () => this.value !== null && (slider.value = at(this.value)));
     this.follow = () => this.value !== null && (slider.value = at(this.value));
+    this.input.addEventListener("input", this.follow);
+    // Whether the user is changing the value.
+    this.isBusy = () => document.activeElement === this.input || slider.matches(":active");
     return slider;
   }
 }

@@ -101,12 +101,13 @@ export class RecorderPanel {
     this.bench.choices.set("record", this.name.value);
   }
 
-  status({ recording }) {
+  status({ recording, log }) {
+    this.result = log.findLast(({ who }) => who === "recorder")?.text ?? this.result;
     this.startButton.hidden = Boolean(recording);
     this.stopButton.hidden = !recording;
     this.now.textContent = recording
       ? `${recording.file}: ${recording.waits ? "waits for the trigger" : `${recording.rows} ticks`}`
-      : "Nothing is recorded.";
+      : (this.result ?? "Nothing is recorded.");
   }
 }
 

@@ -19,6 +19,7 @@ export class Scope {
   view = { from: 0, to: 0, zero: 0 }; // range of visible ticks, and the tick whose time is zero on the axes
   overlays = []; // recordings that are drawn behind the running signals
   #before = []; // cursors before the last click, restored if it becomes a double click
+  #kept = null; // copy of the rows of a held picture
   #pointer = null; // time at the pointer, s
   #readAt = 0;
   #trigger = null;
@@ -27,7 +28,7 @@ export class Scope {
   constructor({ view, bar, figures }, bench, store, notify) {
     this.bar = bar;
     this.bench = bench;
-    this.store = store;
+    this.live = store;
     this.notify = notify;
     this.window = bench.choices.get("window", 0.5);
     this.cursors = new Cursors(store, bench.rate);
@@ -44,6 +45,11 @@ export class Scope {
     this.#trigger?.feed(frame);
   }
 
+  // The rows of the picture: those of the running bench, or those that were stored when the picture was held.
+  get store() {
+    return this.#kept ?? this.live;
+  }
+
   // --- visible range ------------------------------------------------------------------------
 
   draw() {
@@ -56,8 +62,9 @@ export class Scope {
     const to = this.#end();
     const from = to - this.window * this.bench.rate;
     this.view = { from, to, zero: this.#zero(to) };
+    this.#align();
     const { cursors, store } = this;
-    const parts = [...Object.values(this.view), this.zeroName, store.newest, cursors.ticks, this.overlays.map((one) => one.shift)];
+    const parts = [...Object.values(this.view), this.zeroName, store.newest, cursors.ticks, this.overlays.map((one) => [one.name, one.shift])];
     const state = parts.join(" ");
     for (const plot of plots) plot.draw(state);
     if (performance.now() >= this.#readAt) {
@@ -86,7 +93,6 @@ export class Scope {
     const after = (1 - trigger.settings.pre) * this.window * this.bench.rate;
     if (trigger.hit !== null && this.store.newest >= trigger.hit + after) {
       this.shot = { hit: trigger.hit, end: Math.round(trigger.hit + after) };
-      this.#align();
       if (trigger.settings.mode === "single") this.hold(this.shot.end);
       else trigger.rearm();
     }
@@ -101,15 +107,18 @@ export class Scope {
   }
 
   hold(tick = this.store.newest) {
-    if (this.held === null) this.heldZero = tick;
+    if (this.held === null) {
+      this.heldZero = tick;
+      this.#kept = this.cursors.store = this.live.copy();
+    }
     this.held = tick;
     this.holdButton.textContent = "Follow";
     document.body.classList.add("held");
   }
 
   follow() {
-    this.held = null;
-    this.shot = null;
+    this.held = this.#kept = this.shot = null;
+    this.cursors.store = this.live;
     this.#unzoomed = null;
     this.#trigger?.rearm();
     this.window = this.bench.choices.get("window", 0.5);
@@ -138,6 +147,7 @@ export class Scope {
 
   #zoomTo(window, to) {
     this.#unzoomed ??= { window: this.window, held: this.held };
+    if (this.held === null) this.hold(Math.round(this.view.to));
     this.window = window;
     this.hold(Math.min(this.store.newest, Math.round(to * this.bench.rate)));
   }
@@ -191,14 +201,18 @@ export class Scope {
     return this.bench.signals.filter((signal) => names.has(signal.name));
   }
 
-  // Shows the values at the pointer, or the newest ones, and the statistics between the cursors.
+  // Shows the values at the pointer, at the cursor that was set last, or at the end of the picture; and the statistics
+  // between the cursors.
   #read() {
-    const { store, bench, view } = this;
+    const { store, bench, view, cursors } = this;
     if (!store.count) return;
-    const newest = store.count - 1;
-    const row = this.#pointer === null ? newest : Math.min(store.find(this.#pointer * bench.rate), newest);
+    const end = this.held !== null && cursors.ticks.includes(cursors.last) ? cursors.last : view.to;
+    const tick = this.#pointer === null ? end : this.#pointer * bench.rate;
+    const row = Math.min(store.find(tick), store.count - 1);
     for (const plot of this.plots) plot.read(row);
-    this.cursors.show(this.#shown(), view.zero);
+    cursors.show(this.#shown(), view.zero);
+    this.triggers.wait(this.#trigger && this.held === null && !(this.shot && this.#fresh()));
+    for (const entry of this.overlayList.children) entry.update();
   }
 
   // Overlays a recording on all time plots.
@@ -208,34 +222,45 @@ export class Scope {
       const overlay = await Overlay.read(file, this.bench);
       this.overlays = [...this.overlays, overlay];
       this.#align();
-      this.#listOverlays();
+      this.overlayList.append(this.#entry(overlay));
     } catch (wrong) {
       this.notify(`${file.name}: ${wrong.message}`);
     }
   }
 
-  // Moves each recording so that its crossing of the trigger level is at the running one. Without a trigger, a
-  // recording that has no place yet starts at the left edge.
+  // Moves each recording so that its crossing of the trigger level is at the shown one; without such a crossing, its
+  // last row is at the newest shown time.
   #align() {
-    for (const overlay of this.overlays) {
-      if (this.#trigger) overlay.align(this.#trigger.settings, this.shot?.hit ?? this.view.zero);
-      else overlay.place(this.view.from);
-    }
+    const { shot, view } = this;
+    const settings = shot && this.#trigger?.settings;
+    for (const overlay of this.overlays) overlay.align(settings, view.zero, settings ? shot.end : view.zero);
   }
 
-  #listOverlays() {
-    const entry = (overlay) => {
-      const shift = make("input", { type: "number", step: "any", value: 0, className: "number" });
-      shift.oninput = () => overlay.nudge((Number(shift.value) / 1e3) * this.bench.rate);
-      const remove = make("button", { className: "small", textContent: "×" });
-      remove.setAttribute("aria-label", `remove ${overlay.name}`);
-      remove.onclick = () => {
-        this.overlays = this.overlays.filter((one) => one !== overlay);
-        this.#listOverlays();
-      };
-      return make("span", { className: "key" }, `${overlay.name}, pale`, field("shift", shift, "ms"), remove);
+  // Returns the entry of a recording: file, span, place, shift, and whether it is visible.
+  #entry(overlay) {
+    const text = make("span");
+    const shift = make("input", { type: "number", step: "any", value: 0, className: "number" });
+    shift.oninput = () => overlay.nudge((Number(shift.value) / 1e3) * this.bench.rate);
+    const remove = make("button", { className: "small", textContent: "×" });
+    remove.setAttribute("aria-label", `remove ${overlay.name}`);
+    const entry = make("span", { className: "key" }, text, field("shift", shift, "ms"), remove);
+    remove.onclick = () => {
+      this.overlays = this.overlays.filter((one) => one !== overlay);
+      entry.remove();
     };
-    this.overlayList.replaceChildren(...this.overlays.map(entry));
+    entry.update = () => {
+      const words = this.#describe(overlay);
+      if (text.textContent !== words) text.textContent = words;
+    };
+    entry.update();
+    return entry;
+  }
+
+  // Returns file, span and place of a recording in words.
+  #describe(overlay) {
+    const place = overlay.crosses ? "its crossing at the trigger" : `its end at ${overlay.end === this.view.zero ? this.zeroName : "the right edge"}`;
+    const outside = overlay.isOutside(this.view) ? ", outside the window" : "";
+    return `${overlay.name}: wide pale line, ${seconds(overlay.span / this.bench.rate)}, ${place}${outside}`;
   }
 
   // Returns the selected signals at all visible ticks, as a table in SI units.
@@ -257,7 +282,8 @@ export class Scope {
   // Returns the text above the picture: signals in their colours, and the statistics of the cursors.
   words() {
     const figures = this.cursors.lines();
-    return [this.#shown().map(({ label, colour }) => [label, colour]), ...figures.map((one) => [[one]])];
+    const recordings = this.overlays.map((one) => [[this.#describe(one)]]);
+    return [this.#shown().map(({ label, colour }) => [label, colour]), ...recordings, ...figures.map((one) => [[one]])];
   }
 
   // Draws the lines of the cursors and the trigger, and bands where ticks are missing.
@@ -303,12 +329,40 @@ export class Scope {
     this.widths.onchange = () => this.setWindow(Number(this.widths.value));
     this.widths.id = "window";
     this.overlayList = make("span", { className: "overlays" });
-    this.triggers = new TriggerControls(this.bench, (settings) => {
+    const arm = (settings) => {
       this.follow();
       this.#trigger = settings && new Trigger(settings);
-      this.#align();
-    });
-    this.bar.replaceChildren(this.holdButton, field("Window", this.widths), ...this.triggers.elements, this.overlayList);
+    };
+    this.triggers = new TriggerControls(this.bench, arm, (column) => this.#middle(column));
+    const file = make("input", { type: "file", accept: ".csv,.mf4", hidden: true });
+    file.onchange = () => {
+      if (file.files[0]) this.overlay(file.files[0]);
+      file.value = "";
+    };
+    const title = "Draw a recording (.csv or .mf4) behind the running signals; a file can also be dropped on a plot";
+    const overlay = make("button", { textContent: "Overlay…", title, onclick: () => file.click() });
+    this.bar.replaceChildren(this.holdButton, field("Window", this.widths), ...this.triggers.elements, overlay, file, this.overlayList);
+  }
+
+  // Returns the mean of a column over the window, and whether the column is constant there.
+  #middle(column) {
+    const { live } = this;
+    let [sum, count, low, high] = [0, 0, Infinity, -Infinity];
+    for (let row = live.find(live.newest - this.window * this.bench.rate); row < live.count; row++) {
+      const value = live.value(column, row);
+      if (value !== value) continue;
+      sum += value;
+      count++;
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+    return { mean: count ? sum / count : 0, isConstant: !(low < high) };
+  }
+
+  // Arranges the columns after the signals of the bench have changed.
+  arrange(previous) {
+    this.live.arrange(previous);
+    this.#kept?.arrange(previous);
   }
 
   // Shows the signals of the bench again after they have changed.

@@ -14,10 +14,13 @@ export function slider({ bench, order, parameters }, settings, save) {
   const choice = make("select", { onchange: () => choose(choice.value) }, ...options);
   choice.setAttribute("aria-label", "quantity of the slider");
   let due = 0;
+  let quantity = null;
+  let active; // value that the bench uses
   const build = () => {
     const spec = specs.get(chosen);
     const send = () => order(spec.order, spec.fields(quantity.value));
-    const quantity = new Quantity({ ...spec, value: spec.now() }, () => {
+    active = undefined;
+    quantity = new Quantity({ ...spec, value: spec.now({}) }, () => {
       clearTimeout(due);
       due = setTimeout(send, SEND_MS);
     });
@@ -30,8 +33,12 @@ export function slider({ bench, order, parameters }, settings, save) {
   };
   choice.value = chosen;
   build();
-  const status = ({ refused }) => {
-    const reason = refused[specs.get(chosen).order] ?? "";
+  const status = (bench) => {
+    const spec = specs.get(chosen);
+    const value = spec.now(bench);
+    if (value !== active && value >= spec.low && value <= spec.high && !quantity.isBusy()) quantity.set(value);
+    active = value;
+    const reason = bench.refused[spec.order] ?? "";
     for (const one of place.querySelectorAll("input")) {
       one.disabled = Boolean(reason);
       one.title = reason;
@@ -45,9 +52,9 @@ function adjustable(bench, parameters) {
   const { aim, load_most: most } = bench;
   const middle = Math.min(aim.high, Math.max(aim.low, aim.value));
   const found = new Map([
-    ["target", { label: "Target", ...range(aim), now: () => middle, order: "target", fields: (value) => ({ value }) }],
+    ["target", { label: "Target", ...range(aim), now: ({ target }) => target ?? middle, order: "target", fields: (value) => ({ value }) }],
   ]);
-  if (most) found.set("load", { label: "Load force", unit: "N", low: -most, high: most, now: () => 0, order: "load", fields: (value) => ({ value }) });
+  if (most) found.set("load", { label: "Load force", unit: "N", low: -most, high: most, now: ({ load }) => load ?? 0, order: "load", fields: (value) => ({ value }) });
   for (const one of bench.parameters) {
     const fields = (value) => ({ values: { [one.name]: value } });
     found.set(one.name, { label: describe(one).label, ...range(one), now: () => parameters.value(one.name), order: "apply", fields });

@@ -2,7 +2,7 @@
 
 import { make, refuse } from "./dom.js";
 import { words } from "./names.js";
-import { VERBS, primary, route } from "./verbs.js";
+import { VERBS, inWords, primary, route } from "./verbs.js";
 
 export class StateBar {
   constructor(bench, order) {
@@ -51,7 +51,7 @@ export class StateBar {
       this.#arrange(main);
       if (focused) this.buttons.get(focused)?.focus();
     }
-    if (!main) this.note.textContent = name === "run" ? "Running: set a target, or start the generator." : "Wait until this state ends.";
+    if (!main) this.note.textContent = name === "run" ? runningHint(refused.target) : "Wait until this state ends.";
     for (const [command, button] of this.buttons) refuse(button, refused[command]);
     const shown = { init: "idle", selftest: "idle" }[name] ?? name;
     const order = [...this.states.keys()];
@@ -61,4 +61,9 @@ export class StateBar {
     }
     this.fault.hidden = name !== "fault";
   }
+}
+
+// Returns what the user can do while the rig runs, or why the target is refused.
+function runningHint(refusal) {
+  return refusal ? `Running. ${inWords(refusal)}.` : "Running: set a target, or start the generator.";
 }

@@ -1,13 +1,17 @@
 // Finds steps of the reference in the samples, and computes overshoot, rise and settling times.
 
-const MAX_STEPS = 24; // number of steps that are kept
+import { COLOURS } from "./colours.js";
+
+const MAX_STEPS = 12; // number of steps that are kept of each setting
+const NOISE_DEVIATIONS = 4; // noise before a step, in standard deviations
 const BEFORE_S = 0.01; // time for which the reference must be constant before a step
-const AFTER_S = 0.06; // time for which it must be constant after a step
+export const AFTER_S = 0.06; // time for which it must be constant after a step
 const MIN_HEIGHT_RATIO = 1e-3; // smallest height of a step, as a fraction of the reference before it
 const BAND = 0.05; // settling band, as a fraction of the step height
 
 export class StepFinder {
-  steps = []; // the last steps; a new array after each change
+  steps = []; // the last steps of each setting; a new array after each change
+  settings = []; // labels of their parameters; the number of a setting is its colour, so it never changes
 
   #rate; // rows per second
   #every; // ticks between two rows
@@ -30,8 +34,29 @@ export class StepFinder {
     const [references, actuals] = this.#columns.map((n) => frame.data[n]);
     for (let i = 0; i < frame.ticks.length; i++) {
       const step = this.#row(frame.ticks[i], references[i], actuals[i]);
-      if (step) this.steps = [...this.steps, { ...step, label: this.inForce(step.tick) }].slice(-MAX_STEPS);
+      if (step) this.#add({ ...step, label: this.inForce(step.tick) });
     }
+  }
+
+  clear() {
+    this.steps = [];
+    this.settings = [];
+  }
+
+  // Adds a step; drops the first step of its setting if they are too many, and the setting without a step for the
+  // longest time if there is no colour for a new one.
+  #add(step) {
+    const latest = (label) => this.steps.findLast((one) => one.label === label).tick;
+    const { settings } = this;
+    if (!settings.includes(step.label)) {
+      const oldest = settings.toSorted((a, b) => latest(a) - latest(b))[0];
+      const place = settings.length < COLOURS.length ? settings.length : settings.indexOf(oldest);
+      this.steps = this.steps.filter((one) => one.label !== settings[place]);
+      settings[place] = step.label;
+    }
+    const same = this.steps.filter((one) => one.label === step.label);
+    const dropped = same.length < MAX_STEPS ? null : same[0];
+    this.steps = [...this.steps.filter((one) => one !== dropped), step];
   }
 
   #reset() {
@@ -64,13 +89,17 @@ export class StepFinder {
   }
 }
 
-// Returns the results of a step: overshoot, % of its height; rise from 10 to 90 %, s; settling to 5 %, s.
+// Returns the results of a step: overshoot, % of its height; noise before it, % of its height; rise from 10 to 90 %,
+// s; settling to 5 %, s.
 export function measure(rows, at, rate) {
   const from = rows[at - 1][1];
   const to = rows[at][1];
   const height = to - from;
   const part = rows.map((row) => (row[2] - from) / height);
   const after = part.slice(at);
+  const before = part.slice(0, at);
+  const rest = before.reduce((sum, one) => sum + one, 0) / at;
+  const variance = before.reduce((sum, one) => sum + (one - rest) ** 2, 0) / at;
   const reach = (level) => after.findIndex((value) => value >= level);
   const [low, high] = [reach(0.1), reach(0.9)];
   const outside = after.findLastIndex((value) => Math.abs(value - 1) > BAND);
@@ -79,6 +108,7 @@ export function measure(rows, at, rate) {
     height,
     times: part.map((_, i) => (i - at) / rate),
     part,
+    noise: 100 * NOISE_DEVIATIONS * Math.sqrt(variance),
     overshoot: 100 * Math.max(0, Math.max(...after) - 1),
     rise: high < 0 ? NaN : (high - low) / rate,
     settling: outside === after.length - 1 ? NaN : (outside + 1) / rate,

@@ -3,7 +3,12 @@
 import { Plane } from "./canvas.js";
 import { COLOURS, ink } from "./colours.js";
 import { make } from "./dom.js";
+import { AFTER_S } from "./stepfinder.js";
 import { show } from "./units.js";
+
+const HEADS = ["Active", "Height", "Noise before", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
+const MIN_SHOWN_S = 0.005; // shortest time axis
+const TIMES = " × "; // between the name of a gain and its factor, in the label of a setting
 
 export class StepView {
   #shown = null; // the steps in the table
@@ -12,15 +17,15 @@ export class StepView {
   constructor(place, bench, finder) {
     this.unit = bench.aim.unit;
     this.finder = finder;
-    const clear = make("button", { textContent: "Clear", title: "Remove all steps", onclick: () => (finder.steps = []) });
+    const clear = make("button", { textContent: "Clear", title: "Remove all steps", onclick: () => finder.clear() });
     this.hint = make("output", {
       className: "reading",
       textContent: "No steps yet. Set another target while the rig runs, or start the step of the generator.",
     });
     const figure = make("figure");
     this.rows = make("tbody");
-    const heads = ["", "Active", "Height", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
-    const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text })));
+    const head = make("tr", {}, ...["", ...HEADS].map((text) => make("th", { textContent: text })));
+    head.children[3].title = "Four standard deviations in the 10 ms before the step";
     const table = make("table", {}, make("thead", {}, head), this.rows);
     place.replaceChildren(
       make("div", { className: "bar" }, clear, this.hint),
@@ -40,8 +45,7 @@ export class StepView {
   }
 
   words() {
-    const labels = [...new Set(this.finder.steps.map((step) => step.label))];
-    return [labels.map((label, n) => [label, COLOURS[n % COLOURS.length]])];
+    return this.#cells().map((cells, n) => cells.map((cell, m) => [m ? `${HEADS[m]}: ${cell}` : cell, COLOURS[n]]));
   }
 
   draw() {
@@ -50,41 +54,61 @@ export class StepView {
     const key = `${clientWidth} ${clientHeight} ${document.documentElement.dataset.theme}`;
     if (steps === this.#shown && key === this.#key) return;
     [this.#shown, this.#key] = [steps, key];
-    this.plane.begin([-5, 60, -20, 150]);
-    this.plane.line([-5, 0, 0, 60], [0, 0, 100, 100], ink("--soft"), 1);
-    const labels = [...new Set(steps.map((step) => step.label))];
+    const end = shownTime(steps);
+    this.plane.begin([-end / 12, end, -20, 150]);
+    this.plane.line([-end / 12, 0, 0, end], [0, 0, 100, 100], ink("--soft"), 1);
     for (const step of steps) {
-      const colour = COLOURS[labels.indexOf(step.label) % COLOURS.length];
+      const colour = COLOURS[this.finder.settings.indexOf(step.label)];
       const times = step.times.map((t) => 1e3 * t);
       const percents = step.part.map((p) => 100 * p);
       this.plane.line(times, percents, colour, 1.3, 0.8);
     }
-    this.#table(labels);
+    this.#table();
   }
 
-  #table(labels) {
+  #table() {
     this.hint.hidden = this.finder.steps.length > 0;
-    const rows = labels.map((label, n) => {
-      const mine = this.finder.steps.filter((step) => step.label === label);
+    const rows = this.#cells().map((cells, n) => {
       const swatch = make("i", { className: "swatch" });
-      swatch.style.background = COLOURS[n % COLOURS.length];
-      const column = (of, write) => spread(mine.map(of), write);
-      const cells = [
-        `${label} (${mine.length})`,
-        column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),
-        column((step) => step.overshoot, (value) => `${value.toFixed(1)} %`),
-        column((step) => step.rise, (value) => `${(1e3 * value).toFixed(2)} ms`),
-        column((step) => step.settling, (value) => `${(1e3 * value).toFixed(1)} ms`),
-      ];
-      return make(
-        "tr",
-        {},
-        make("td", {}, swatch),
-        ...cells.map((text) => make("td", { textContent: text })),
-      );
+      swatch.style.background = COLOURS[n];
+      return make("tr", {}, make("td", {}, swatch), ...cells.map((text) => make("td", { textContent: text })));
     });
     this.rows.replaceChildren(...rows);
   }
+
+  // Returns the texts of the table, one row for each setting.
+  #cells() {
+    const { settings, steps } = this.finder;
+    const names = inFull(settings);
+    return settings.map((label, n) => {
+      const mine = steps.filter((step) => step.label === label);
+      const column = (of, write) => spread(mine.map(of), write);
+      const percent = (value) => `${value.toFixed(1)} %`;
+      const noise = Math.max(...mine.map((step) => step.noise));
+      const hasOvershoot = mine.some((step) => step.overshoot > step.noise);
+      return [
+        `${names[n]}, ${mine.length} ${mine.length === 1 ? "step" : "steps"}`,
+        column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),
+        column((step) => step.noise, percent),
+        hasOvershoot ? column((step) => step.overshoot, percent) : `none above the noise of ${percent(noise)}`,
+        column((step) => step.rise, (value) => `${(1e3 * value).toFixed(2)} ms`),
+        column((step) => step.settling, (value) => `${(1e3 * value).toFixed(1)} ms`),
+      ];
+    });
+  }
+}
+
+// Returns the end of the time axis, ms: three times the longest settling time, if all steps settled.
+function shownTime(steps) {
+  const settling = Math.max(0, ...steps.map((step) => (Number.isFinite(step.settling) ? step.settling : AFTER_S)));
+  return 1e3 * Math.min(AFTER_S, Math.max(MIN_SHOWN_S, 3 * settling));
+}
+
+// Returns the labels of settings. Each states all factors of gains that any of them states, also a factor of 1.
+function inFull(labels) {
+  const gains = (label) => label.split(", ").filter((part) => part.includes(TIMES)).map((part) => part.split(TIMES)[0]);
+  const all = [...new Set(labels.flatMap(gains))];
+  return labels.map((label) => [label, ...all.filter((gain) => !gains(label).includes(gain)).map((gain) => `${gain}${TIMES}1`)].join(", "));
 }
 
 // Returns the mean and the range of the finite values as text.
@@ -92,7 +116,7 @@ function spread(values, write) {
   const finite = values.filter(Number.isFinite);
   if (!finite.length) return "–";
   const mean = finite.reduce((sum, one) => sum + one, 0) / finite.length;
-  const low = Math.min(...finite);
-  const high = Math.max(...finite);
-  return low === high ? write(mean) : `${write(mean)} (${write(low)} to ${write(high)})`;
+  const low = write(Math.min(...finite));
+  const high = write(Math.max(...finite));
+  return low === high ? low : `${write(mean)} (${low} to ${high})`;
 }

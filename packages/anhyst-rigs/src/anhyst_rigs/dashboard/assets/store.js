@@ -26,6 +26,18 @@ export class Store {
     this.#data = previous.map((n) => this.#data[n] ?? new Float32Array(this.#capacity).fill(NaN));
   }
 
+  // Returns a store with the same rows, which later rows do not change.
+  copy() {
+    const copy = new Store(0, this.#every, 0);
+    copy.#capacity = this.#capacity;
+    copy.#ticks = this.#ticks.slice();
+    copy.#data = this.#data.map((column) => column.slice());
+    copy.#begin = this.#begin;
+    copy.#count = this.#count;
+    copy.#dropped = this.#dropped;
+    return Object.assign(copy, { newest: this.newest, missing: this.missing });
+  }
+
   get count() {
     return this.#count;
   }

@@ -13,7 +13,8 @@ const MIN_HEIGHT_PX = 56; // smallest height of a plot, pixels
 const LEGEND_PX = 22; // height of the legend above a plot, pixels
 const TIME_LABELS_PX = 36; // height of the time labels below the last strip, pixels
 const THICKNESS = 1.5;
-const OVERLAY_ALPHA = 0.45; // opacity of a recording that is drawn behind the running signals
+const OVERLAY_ALPHA = 0.4; // opacity of a recording that is drawn behind the running signals
+const OVERLAY_THICKNESS = 6; // its thickness, so that it is visible on both sides of an equal signal
 const LETTER_PX = 7; // width of a letter at an axis, pixels
 const MAX_MS_WINDOW_S = 0.5; // longest window whose times are shown in ms
 
@@ -152,10 +153,11 @@ export class Strip {
     if (!(width >= 1 && height >= 1 && x.max > x.min)) return;
     const along = width / (x.max - x.min);
     const up = -height / (y.max - y.min);
-    const thickness = Math.round(THICKNESS * devicePixelRatio);
     this.#raster.begin(Math.ceil(width), Math.ceil(height));
     const { rate } = this.scope.bench;
-    for (const [of, alpha] of [[this.#overlays, OVERLAY_ALPHA], [this.#traces, 1]]) {
+    const layers = [[this.#overlays, OVERLAY_ALPHA, OVERLAY_THICKNESS], [this.#traces, 1, THICKNESS]];
+    for (const [of, alpha, width] of layers) {
+      const thickness = Math.round(width * devicePixelRatio);
       for (const { ticks, columns, signals, shift } of of) {
         const a = [along / rate, -along * x.min + (along * (shift - this.zero)) / rate];
         const b = [up * this.factor, -up * y.max];

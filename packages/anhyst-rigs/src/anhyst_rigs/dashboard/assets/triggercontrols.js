@@ -16,8 +16,12 @@ const EDGES = [
 ];
 
 export class TriggerControls {
-  // `arm` receives the settings of the trigger, or null if it is off.
-  constructor(bench, arm) {
+  #levels = new Map(); // levels that the user has set, by signal
+
+  // `arm` receives the settings of the trigger, or null if it is off; `middle` returns the mean of a column over the
+  // window, and whether it is constant.
+  constructor(bench, arm, middle) {
+    this.middle = middle;
     this.bench = bench;
     this.arm = arm;
     const number = (id, value) => make("input", { type: "number", step: "any", id, value, className: "number" });
@@ -30,10 +34,12 @@ export class TriggerControls {
     this.level = number("trigger-level", 0);
     this.pre = number("trigger-pre", 20);
     this.unit = make("span", { className: "unit" });
-    const details = [this.signal, this.edge, field("at", this.level, this.unit), field("before", this.pre, "%")];
+    this.waits = make("output", { className: "reading", textContent: "not triggered", hidden: true });
+    const details = [this.signal, this.edge, field("at", this.level, this.unit), field("before", this.pre, "%"), this.waits];
     this.details = make("span", { className: "line" }, ...details);
     this.elements = [field("Trigger", this.mode), this.details];
     for (const one of [this.mode, this.signal, this.edge, this.level, this.pre]) one.onchange = () => this.#change();
+    this.level.addEventListener("input", () => this.#levels.set(this.signal.value, this.level.value));
     this.list(bench.aim.signal);
     this.#show();
   }
@@ -45,6 +51,11 @@ export class TriggerControls {
     this.signal.value = chosen;
   }
 
+  // Shows whether the trigger waits for a crossing.
+  wait(waits) {
+    this.waits.hidden = !waits;
+  }
+
   #show() {
     this.details.hidden = this.mode.value === "off";
     this.unit.textContent = shown(this.#signal().unit).name;
@@ -54,8 +65,19 @@ export class TriggerControls {
     return this.bench.signals[columnOf(this.bench, this.signal.value)];
   }
 
+  // Shows the level that the user has set for the signal, otherwise the mean of the signal. A constant signal never
+  // crosses its mean, so the level is next to it.
+  #propose() {
+    const { column, name, unit } = this.#signal();
+    const { factor, least } = shown(unit);
+    const { mean, isConstant } = this.middle(column);
+    const away = isConstant ? (this.edge.value === "rising" ? least : -least) : 0;
+    this.level.value = this.#levels.get(name) || Number((mean * factor + away).toPrecision(5));
+  }
+
   #change() {
     this.#show();
+    if (this.mode.value !== "off") this.#propose();
     const { column, name, unit } = this.#signal();
     const settings = {
       column,

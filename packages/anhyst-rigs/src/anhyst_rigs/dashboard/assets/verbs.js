@@ -1,5 +1,9 @@
 // The commands of a controller in words: what a button says and what it does; and the states that they connect.
 
+import { describe } from "./names.js";
+import { showParameter } from "./quantity.js";
+import { show } from "./units.js";
+
 // Label and effect by command.
 export const VERBS = {
   condition: ["Condition iron", "Drive the conditioning sequence, which brings the iron into a known state; then Ready"],
@@ -19,6 +23,21 @@ const PATH = [["clear"], ["condition", "demagnetised"], ["lift"], ["run"]];
 export function inWords(text) {
   const plain = text.replace(/\b(condition|demagnetised|lift|run|clear)\b(?! is|:)/g, (name) => VERBS[name][0]);
   return plain.charAt(0).toUpperCase() + plain.slice(1);
+}
+
+const NUMBER = "-?\\d[\\d.]*(?:e[-+]?\\d+)?";
+const SETTING = new RegExp(`([A-Za-z_]\\w*) = (${NUMBER})`, "g");
+const AMOUNT = new RegExp(`(${NUMBER}) (m|rad|N|A|V|Wb|T)(?![\\w/])`, "g");
+
+// Returns a text of the log with the names and units of the page: "target 0.00047 m" as "Target 470 µm".
+export function inPlainWords(text, bench) {
+  if (VERBS[text]) return VERBS[text][0];
+  const setting = (all, name, value) => {
+    const parameter = bench.parameters.find((one) => one.name === name);
+    return parameter ? `${describe(parameter).label} ${showParameter({ ...parameter, value: Number(value) })}` : all;
+  };
+  const plain = text.replace(SETTING, setting).replace(AMOUNT, (_, value, unit) => show(Number(value), unit)).replace(/ um\b/g, " µm");
+  return /^\S+\.(mf4|csv)/.test(plain) ? plain : plain.charAt(0).toUpperCase() + plain.slice(1);
 }
 
 // Returns the command that leads on from the present state; undefined if the rig runs or the user must wait.

@@ -72,6 +72,7 @@ register({
 register({
   kind: "bode",
   title: "Bode",
+  hint: "Frequency response",
   size: [8, 9],
   fixed: true,
   offered: (bench) => Boolean(bench.response),
