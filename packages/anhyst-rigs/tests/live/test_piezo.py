@@ -161,6 +161,7 @@ def test_the_command_records_the_bench_and_inspect_reads_it(
         try:
             assert process.stdout is not None
             address = process.stdout.readline().split()[0].removesuffix("/")
+            assert "the rig runs\n" in process.stdout  # reads until this line
             # The page answers before the bench runs. A command at that time would be recorded at
             # tick 0.
             wait_for(lambda: path.is_file() and path.stat().st_size > 1e5)

@@ -71,6 +71,7 @@ def test_a_killed_server_leaves_a_recording_that_inspect_reads(
         try:
             assert process.stdout is not None
             address = process.stdout.readline().split()[0].removesuffix("/")
+            assert "the rig runs\n" in process.stdout  # reads until this line
             with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
                 for name in ("demagnetised", "lift"):
                     wait_for(lambda: path.stat().st_size > 1e6)
