@@ -225,7 +225,7 @@ def test_step_metrics_agree_with_the_recording(serve: Serve, show: Show, tmp_pat
     (jump,) = np.flatnonzero(np.abs(np.diff(reference)) > 19e-6) + 1
     after = gap[jump : jump + 1200]
     assert step["overshoot"] == pytest.approx(max(0.0, 100.0 * (430e-6 - after.min()) / 20e-6), abs=0.15)
-    before = gap[jump - 200 : jump]
+    before = gap[jump - 1000 : jump]
     assert step["noise"] == pytest.approx(4.0 * 100.0 * before.std() / 20e-6, rel=0.01)
     assert step["overshoot"] < step["noise"]
     assert stated == f"none above the noise of {step['noise']:.1f} %"

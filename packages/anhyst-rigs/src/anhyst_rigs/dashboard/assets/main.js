@@ -187,11 +187,19 @@ function recorded(file) {
   return file.waits ? "armed" : `${file.rows} ticks, ${file.file}`;
 }
 
+// What the readings at the top mean.
+const FACTS = {
+  "Real time": "Speed of the rig, relative to real time",
+  "Late at most": "Largest delay of the rig behind real time in the last second",
+  Slips: "How often the machine was too slow for real time; no tick was lost",
+  "Missing ticks": "Ticks that did not arrive",
+};
+
 function facts(values) {
   const place = at("facts");
   const names = Object.keys(values);
   if (place.childElementCount !== names.length)
-    place.replaceChildren(...names.map((name) => make("div", {}, make("dt", { textContent: name }), make("dd"))));
+    place.replaceChildren(...names.map((name) => make("div", { title: FACTS[name] ?? "" }, make("dt", { textContent: name }), make("dd"))));
   for (const [n, name] of names.entries()) place.children[n].lastChild.textContent = values[name];
 }
 
@@ -296,7 +304,9 @@ const KEYS = {
   " ": () => page?.scope.toggle(),
   "+": () => page?.scope.widen(-1),
   "-": () => page?.scope.widen(1),
-  b: () => page?.parameters.rollBack(),
+  b: async () => {
+    if (await page?.parameters.rollBack()) notify("The previous parameters are active again. Press B to undo this.");
+  },
   c: () => page?.parameters.toggle(COMPENSATION),
   t: turnTheme,
 };

@@ -188,11 +188,12 @@ export class Parameters extends EventTarget {
       .filter((one) => one.name in values)
       .map((one) => [one.name, one.value]);
     const answer = await this.order("apply", { values });
-    if (!answer) return;
+    if (!answer) return null;
     this.#before = Object.fromEntries(old);
     for (const name of Object.keys(values)) this.#staged.delete(name);
     this.confirmed.textContent = `Active from tick ${answer.applied} on`;
     this.take(answer.parameters, answer.applied);
+    return answer;
   }
 
   // Returns a short text on the values that were active at a tick, to distinguish steps.

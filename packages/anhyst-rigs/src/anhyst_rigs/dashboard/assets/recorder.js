@@ -64,7 +64,7 @@ export class RecorderPanel {
       ),
       this.now,
     );
-    this.now.title = `written to ${bench.folder}`;
+    this.now.title = `Recordings are written to ${bench.folder}`;
     this.#refresh();
   }
 

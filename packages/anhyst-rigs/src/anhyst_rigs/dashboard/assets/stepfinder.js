@@ -5,6 +5,7 @@ import { COLOURS } from "./colours.js";
 const MAX_STEPS = 12; // number of steps that are kept of each setting
 const NOISE_DEVIATIONS = 4; // noise before a step, in standard deviations
 const BEFORE_S = 0.01; // time for which the reference must be constant before a step
+const NOISE_S = 0.05; // longest time before a step from which the noise is found
 export const AFTER_S = 0.06; // time for which it must be constant after a step
 const MIN_HEIGHT_RATIO = 1e-3; // smallest height of a step, as a fraction of the reference before it
 const BAND = 0.05; // settling band, as a fraction of the step height
@@ -19,6 +20,7 @@ export class StepFinder {
   #rows = []; // recent rows: [tick, reference, actual]
   #since = 0; // rows since the reference last changed
   #jump = null; // row of a step that has not settled yet; null if there is none
+  #rested = 0; // rows with a constant reference before this step, from which the noise is found
 
   // `inForce` returns a text on the parameters that are active at a tick.
   constructor({ rate, every }, reference, actual, inForce) {
@@ -65,6 +67,12 @@ export class StepFinder {
     this.#jump = null;
   }
 
+  // Returns the number of rows before a step in which the quantity had time to settle after the step before.
+  #restRows() {
+    const settled = this.#since - AFTER_S * this.#rate;
+    return Math.round(Math.max(BEFORE_S * this.#rate, Math.min(settled, NOISE_S * this.#rate)));
+  }
+
   #row(tick, reference, actual) {
     const rows = this.#rows;
     const last = rows.at(-1);
@@ -73,17 +81,18 @@ export class StepFinder {
       const rested = this.#since >= BEFORE_S * this.#rate;
       const high = Math.abs(reference - last[1]) > MIN_HEIGHT_RATIO * Math.abs(last[1]);
       this.#jump = rested && high ? rows.length : null;
+      this.#rested = Math.min(rows.length, this.#restRows());
       this.#since = 0;
     } else this.#since++;
     rows.push([tick, reference, actual]);
-    const before = Math.round(BEFORE_S * this.#rate);
+    const kept = Math.round(NOISE_S * this.#rate);
     if (this.#jump === null) {
-      if (rows.length > 4 * before) rows.splice(0, rows.length - 2 * before);
+      if (rows.length > 3 * kept) rows.splice(0, rows.length - kept);
       return null;
     }
     if (this.#since < AFTER_S * this.#rate) return null;
-    const step = measure(rows.slice(this.#jump - before), before, this.#rate);
-    this.#rows = rows.slice(-before);
+    const step = measure(rows.slice(this.#jump - this.#rested), this.#rested, this.#rate);
+    this.#rows = rows.slice(-kept);
     this.#jump = null;
     return step;
   }
@@ -103,11 +112,12 @@ export function measure(rows, at, rate) {
   const reach = (level) => after.findIndex((value) => value >= level);
   const [low, high] = [reach(0.1), reach(0.9)];
   const outside = after.findLastIndex((value) => Math.abs(value - 1) > BAND);
+  const drawn = part.slice(Math.max(0, at - Math.round(BEFORE_S * rate)));
   return {
     tick: rows[at][0],
     height,
-    times: part.map((_, i) => (i - at) / rate),
-    part,
+    times: drawn.map((_, i) => (i + part.length - drawn.length - at) / rate),
+    part: drawn,
     noise: 100 * NOISE_DEVIATIONS * Math.sqrt(variance),
     overshoot: 100 * Math.max(0, Math.max(...after) - 1),
     rise: high < 0 ? NaN : (high - low) / rate,

@@ -6,7 +6,7 @@ import { make } from "./dom.js";
 import { AFTER_S } from "./stepfinder.js";
 import { show } from "./units.js";
 
-const HEADS = ["Active", "Height", "Noise before", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
+const HEADS = ["Settings", "Height", "Noise before", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
 const MIN_SHOWN_S = 0.005; // shortest time axis
 const TIMES = " × "; // between the name of a gain and its factor, in the label of a setting
 
@@ -25,7 +25,7 @@ export class StepView {
     const figure = make("figure");
     this.rows = make("tbody");
     const head = make("tr", {}, ...["", ...HEADS].map((text) => make("th", { textContent: text })));
-    head.children[3].title = "Four standard deviations in the 10 ms before the step";
+    head.children[3].title = "Four standard deviations in the last 10 to 50 ms before the step";
     const table = make("table", {}, make("thead", {}, head), this.rows);
     place.replaceChildren(
       make("div", { className: "bar" }, clear, this.hint),
@@ -85,7 +85,7 @@ export class StepView {
       const column = (of, write) => spread(mine.map(of), write);
       const percent = (value) => `${value.toFixed(1)} %`;
       const noise = Math.max(...mine.map((step) => step.noise));
-      const hasOvershoot = mine.some((step) => step.overshoot > step.noise);
+      const hasOvershoot = mine.reduce((sum, step) => sum + step.overshoot - step.noise, 0) > 0; // in the mean
       return [
         `${names[n]}, ${mine.length} ${mine.length === 1 ? "step" : "steps"}`,
         column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),

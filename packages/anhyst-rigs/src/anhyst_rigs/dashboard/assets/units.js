@@ -13,7 +13,7 @@ const SHOWN = {
   T: ["T", 1, 1e-3],
 };
 
-const STEPS_PER_LEAST = 1000; // smaller values than a step of the minimum range are shown as zero
+const STEPS_PER_LEAST = 100; // values are rounded to such a part of the minimum range
 
 // Whether signals and parameters with a unit are always shown in the same multiple of it.
 export const isUsual = (unit) => unit in SHOWN;
@@ -36,7 +36,7 @@ export function show(value, unit, digits = 5) {
   const { name, factor } = shown(unit);
   const resolution = SHOWN[unit] ? SHOWN[unit][2] / STEPS_PER_LEAST : 0;
   const size = value * factor;
-  const rounded = Math.abs(size) < resolution / 2 ? 0 : size;
+  const rounded = resolution ? Math.round(size / resolution) * resolution : size;
   return `${Number(rounded.toPrecision(digits))}${name ? ` ${name}` : ""}`;
 }
 

@@ -372,7 +372,7 @@ def describe_next_step(commands: Sequence[Command], status: ControllerStatus) ->
 
 def _step_text(step: Sequence[Command]) -> str:
     first_name, *other_names = (command.name.lower() for command in step)
-    return f"{first_name} (or {other_names[0]}, if the iron is)" if other_names else first_name
+    return f"{first_name} (or, without remanence, {other_names[0]})" if other_names else first_name
 
 
 def _permitted_states(command: Command, levitates: bool) -> list[str]:
