@@ -107,6 +107,13 @@ def test_a_value_without_a_result_is_nan() -> None:
     assert np.isfinite(np.delete(values, 3)).all()
 
 
+def test_a_mean_omits_values_without_a_result() -> None:
+    rows = make_rows(500)
+    values = evaluate("mean(derivative(force), 0.05)", rows, 30)
+    assert np.isnan(values[0])
+    assert np.all(np.isfinite(values[1:]))
+
+
 def test_a_recording_contains_the_derived_signals_of_its_start(tmp_path: Path) -> None:
     derived = DerivedSignals(SIGNALS, RATE)
     recorder = TickRecorder(SIGNALS, RATE, tmp_path, lambda _: None, derived)

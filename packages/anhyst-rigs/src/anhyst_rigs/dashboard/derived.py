@@ -94,7 +94,8 @@ class DerivedSignals:
                 f"derived: {name} exists already; choose another name", code="exists-already", key="name"
             )
         if not _UNIT_PATTERN.fullmatch(unit):
-            raise InputError("derived: the unit is longer than 16 signs", code="bad-unit", key="unit")
+            text = "derived: a unit has at most 16 letters, digits and signs, such as N m/s^2"
+            raise InputError(text, code="bad-unit", key="unit")
         values = _Compiler(self._signals, self._rate).compile(definition.expression)
         self.definitions, self._values = (*self.definitions, definition), (*self._values, values)
 
@@ -222,7 +223,7 @@ class _HighPass(_LowPass):
 
 
 class _Mean:
-    """Mean over the rows of a window that ends at each row."""
+    """Mean over the finite values of a window that ends at each row."""
 
     def __init__(self, rate: float, window_s: float) -> None:
         self._rows = max(1, round(window_s * rate))
@@ -230,11 +231,13 @@ class _Mean:
 
     def __call__(self, ticks: FloatArray, values: FloatArray) -> FloatArray:
         known = np.r_[self._past, values]
-        sums = np.cumsum(np.r_[0.0, known])
+        is_finite = np.isfinite(known)
+        sums = np.cumsum(np.r_[0.0, np.where(is_finite, known, 0.0)])
+        counts = np.cumsum(np.r_[0, is_finite])
         ends = np.arange(len(self._past), len(known)) + 1
         begins = np.maximum(0, ends - self._rows)
         self._past = known[-self._rows :]
-        means: FloatArray = (sums[ends] - sums[begins]) / (ends - begins)
+        means: FloatArray = (sums[ends] - sums[begins]) / (counts[ends] - counts[begins])
         return means
 
 
