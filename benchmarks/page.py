@@ -196,7 +196,7 @@ def measure_delay(page: Page) -> Row:
     page.get_by_role("tab", name="4 parameters").click()
     delays = []
     for n in range(COMMAND_COUNT):
-        delays.append(page.evaluate(DELAY_SCRIPT, ["load_damping", str(5.0 + n)]))
+        delays.append(page.evaluate(DELAY_SCRIPT, ["Load damping", str(5.0 + n)]))
         time.sleep(0.1)
     page.get_by_role("tab", name="1 scope").click()
     median = statistics.median(delays)

@@ -291,7 +291,7 @@ def test_the_map_of_any_rig_is_written_with_its_page(tmp_path: Path) -> None:
     kept = json.loads((tmp_path / "map.json").read_text())
     assert {row["case"] for row in kept["cells"]} == {"triangle"}
     page = Page((tmp_path / "report.html").read_text())
-    assert page.sections() == ["benefit", "origin"]
+    assert page.sections() == ["benefit", "tables", "origin"]
     page.check_answer_first()
     assert "a significant gain in" in page.text
 
