@@ -159,6 +159,7 @@ def test_stop_and_target_say_that_they_are_not_known(serve: Serve, slave: Path) 
             assert browser.bench["parameters"] == []
 
 
+@pytest.mark.needs("chromium")
 @pytest.mark.parametrize("size", [(1440, 900), (390, 844)])
 def test_the_page_searches_chooses_and_changes_variables(
     serve: Serve, show: Show, slave: Path, tmp_path: Path, size: tuple[int, int]

@@ -131,6 +131,7 @@ def test_stop_ends_the_signal_of_a_stage() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.needs("chromium")
 def test_the_page_measures_and_saves_a_response(serve: Serve, show: Show, tmp_path: Path) -> None:
     served = serve()
     page = show(served)

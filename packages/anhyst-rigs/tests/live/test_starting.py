@@ -184,6 +184,7 @@ def test_the_start_page_lists_each_step_with_its_time() -> None:
     assert 0.1 <= running[0] < running[1]
 
 
+@pytest.mark.needs("chromium")
 def test_start_page_shows_steps_as_they_run_and_the_reason_of_a_failure(browser: Browser) -> None:
     page = browser.new_context(viewport={"width": 390, "height": 844}).new_page()
     with listen_on("127.0.0.1", 0) as taken, pytest.raises(InputError):  # noqa: SIM117, PT012
