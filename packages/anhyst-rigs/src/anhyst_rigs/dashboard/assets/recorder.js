@@ -64,7 +64,6 @@ export class RecorderPanel {
       ),
       this.now,
     );
-    this.now.title = `Recordings are written to ${bench.folder}`;
     this.#refresh();
   }
 
@@ -102,7 +101,8 @@ export class RecorderPanel {
   }
 
   status({ recording, log }) {
-    this.result = log.findLast(({ who }) => who === "recorder")?.text ?? this.result;
+    const told = log.findLast(({ who }) => who === "recorder")?.text;
+    if (told) this.result = told.includes(" written, ") ? `${told}, in ${this.bench.folder}` : told;
     this.startButton.hidden = Boolean(recording);
     this.stopButton.hidden = !recording;
     this.now.textContent = recording
