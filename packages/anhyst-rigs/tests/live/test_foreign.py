@@ -177,7 +177,7 @@ def test_the_page_searches_chooses_and_changes_variables(
         page.get_by_label("par_gain as signal").check()
         page.locator("#choose").click()
         until(page, "window.anhyst.bench.signals.some((one) => one.name === 'par_gain')")
-        page.keyboard.press("4")
+        page.get_by_role("tab", name="4 parameters").click()
         field = page.locator("#parameters").get_by_label("par_gain", exact=True)
         field.fill("7.5")
         page.get_by_role("button", name="Apply").click()
