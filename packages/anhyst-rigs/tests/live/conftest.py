@@ -9,11 +9,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from anhyst_rigs.dashboard.browsers import RowQueue
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.serving import make_server, open_prepared
@@ -177,6 +179,14 @@ def shown(browser: Browser, served: Served) -> Iterator[Page]:
     finally:
         context.close()
     assert wrong == []
+
+
+@contextmanager
+def sending_all_samples() -> Iterator[None]:
+    """Send all samples even to a slow page, which otherwise receives fewer (test_frames.py)."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("anhyst_rigs.dashboard.server.RowQueue", partial(RowQueue, 10**8))
+        yield
 
 
 Show = Callable[[Served], "Page"]

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from anhyst_rigs.dashboard.browsers import RowQueue
 from anhyst_rigs.dashboard.recording import RecordingSpan
-from tests.live.conftest import Served, Show, shown, wait_for
+from tests.live.conftest import Served, Show, sending_all_samples, shown, wait_for
 from tests.live.test_desk import drop_file, record
 from tests.live.test_page import last, lift, press, ready, seen, until
 
@@ -24,12 +23,9 @@ pytestmark = pytest.mark.needs("chromium")
 @pytest.fixture(scope="module")
 def opened(browser: Browser, bearing: Served) -> Iterator[Page]:
     """One page of one lifted bearing, for all tests of this module."""
-    with pytest.MonkeyPatch.context() as patch:
-        # All samples are sent even to a slow page, which otherwise receives fewer (test_frames.py).
-        patch.setattr("anhyst_rigs.dashboard.server.RowQueue", partial(RowQueue, 10**8))
-        with shown(browser, bearing) as page:
-            lift(page, bearing)
-            yield page
+    with sending_all_samples(), shown(browser, bearing) as page:
+        lift(page, bearing)
+        yield page
 
 
 @pytest.fixture

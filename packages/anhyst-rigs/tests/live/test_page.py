@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from anhyst.support.states import Fault, State
-from anhyst_rigs.dashboard.browsers import RowQueue
-from tests.live.conftest import Serve, Served, Show, wait_for
+from tests.live.conftest import Serve, Served, Show, sending_all_samples, wait_for
 from tests.live.test_recorder import numbers
 
 if TYPE_CHECKING:
@@ -126,9 +125,9 @@ def test_an_observer_may_stop_and_take_control(serve: Serve, show: Show) -> None
 
 
 @pytest.fixture
-def _every_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Send all samples even to a slow page, which otherwise gets fewer (test_frames.py)."""
-    monkeypatch.setattr("anhyst_rigs.dashboard.server.RowQueue", partial(RowQueue, 10**8))
+def _every_row() -> Iterator[None]:
+    with sending_all_samples():
+        yield
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.image
@@ -12,9 +11,8 @@ import numpy as np
 import pytest
 
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.dashboard.browsers import RowQueue
 from anhyst_rigs.dashboard.recording import RecordingSpan
-from tests.live.conftest import Served, shown, wait_for
+from tests.live.conftest import Served, sending_all_samples, shown, wait_for
 from tests.live.test_page import lift, press, ready, seen, state_is, until
 from tests.live.test_recorder import numbers
 
@@ -27,12 +25,9 @@ pytestmark = pytest.mark.needs("chromium")
 @pytest.fixture(scope="module")
 def opened(browser: Browser, bearing: Served) -> Iterator[Page]:
     """One page of one bearing, for all tests of this module."""
-    with pytest.MonkeyPatch.context() as patch:
-        # All samples are sent even to a slow page, which otherwise receives fewer (test_frames.py).
-        patch.setattr("anhyst_rigs.dashboard.server.RowQueue", partial(RowQueue, 10**8))
-        with shown(browser, bearing) as page:
-            ready(page)
-            yield page
+    with sending_all_samples(), shown(browser, bearing) as page:
+        ready(page)
+        yield page
 
 
 @pytest.fixture

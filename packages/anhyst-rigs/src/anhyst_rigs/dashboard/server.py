@@ -107,9 +107,12 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
 
 def describe_signals(session: LiveSession) -> list[dict[str, Any]]:
     """Return the signals of the bench and the derived ones, in the order of their columns."""
-    derived = [{**one.signal._asdict(), "expression": one.expression} for one in session.derived.definitions]
-    signals = [*(signal._asdict() for signal in session.bench.signals), *derived]
-    return [{**one, "head": column_header(Signal(one["name"], one["unit"], ""))} for one in signals]
+    derived = [{**_describe(one.signal), "expression": one.expression} for one in session.derived.definitions]
+    return [*map(_describe, session.bench.signals), *derived]
+
+
+def _describe(signal: Signal) -> dict[str, Any]:
+    return {**signal._asdict(), "head": column_header(signal)}
 
 
 def describe_loops(session: LiveSession) -> list[dict[str, Any]]:

@@ -120,14 +120,8 @@ class ForeignBench(Bench):
 
     def search(self, text: str, max_count: int) -> list[Mapping[str, object]]:
         """Return descriptions of variables whose names contain all words of a text."""
-        chosen = {signal.name for signal in self.signals}
         return [
-            {
-                **_parameter(one, 0.0)._asdict(),
-                "signal": one.name in chosen,
-                "parameter": one.name in self._parameters,
-                "writable": one.is_writable,
-            }
+            {"name": one.name, "unit": one.unit, "doc": one.doc, "writable": one.is_writable}
             for one in self.description.search(text, max_count)
         ]
 
