@@ -23,6 +23,17 @@ def cell(page: Page, column: int) -> float:
     return float(text.removesuffix(" N"))
 
 
+def test_a_view_opens_with_the_refusals_of_the_newest_status(
+    serve: Serve, show: Show, prepared: PreparedForce
+) -> None:
+    page = show(serve(prepared=prepared))
+    ready(page)
+    page.evaluate("window.anhyst.views.values = () => []")  # later messages reach no view
+    page.get_by_role("tab", name="improve").click()
+    assert page.get_by_role("button", name="1. measure").is_enabled()
+    assert page.get_by_role("button", name="2. identify").is_disabled()
+
+
 def test_an_unknown_iron_is_improved_without_leaving_the_page(
     serve: Serve, show: Show, prepared: PreparedForce
 ) -> None:

@@ -92,6 +92,8 @@ export class Desk {
       this.changed();
     };
     shown.panel = await kind.make(this.context, entry.settings ?? {}, save);
+    const { status } = this.context;
+    if (status) shown.panel.status?.(status);
     tools.append(...(shown.panel.tools ?? []));
     body.append(shown.panel.element);
   }

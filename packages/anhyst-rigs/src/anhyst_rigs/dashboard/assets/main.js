@@ -80,7 +80,7 @@ function open(bench) {
   page = { bench, store, parameters, scope, finder, panel };
   page.layouts = new Map([[bench.signals.length, bench.signals.map((one) => one.name)]]);
   page.views = new Map([["scope", scope]]); // the views that were opened, by name
-  page.context = { bench, store, scope, finder, parameters, order, notify };
+  page.context = { bench, store, scope, finder, parameters, order, notify, status: null };
   tabs();
   page.list = new SignalList(at("signals"), bench, store, order, () => shownDesk()?.plot() ?? scope.plot);
   page.desks = new Desks(at("desks"), at("desktabs"), page.context, (n) => choose(n === null ? view : `desk ${n}`));
@@ -102,7 +102,10 @@ async function load(name) {
   if (name.startsWith("desk ")) return desks.open(Number(name.slice(5)));
   if (views.has(name) || !(makeView || kind)) return null;
   views.set(name, null);
-  return views.set(name, await (makeView ? makeView(at(name), context) : fixedPanel(kind, context)));
+  const made = await (makeView ? makeView(at(name), context) : fixedPanel(kind, context));
+  views.set(name, made);
+  if (context.status) made.status?.(context.status);
+  return made;
 }
 
 // Makes a view of a panel that has a fixed tab.
@@ -152,7 +155,8 @@ function feed(frame) {
 }
 
 function status(now) {
-  const { bench, store } = page;
+  const { bench, store, context } = page;
+  context.status = now; // for views and panels that open before the next message
   const last = (name) => {
     const column = columnOf(bench, name);
     return column < 0 || !store.count ? undefined : store.value(column, store.count - 1);

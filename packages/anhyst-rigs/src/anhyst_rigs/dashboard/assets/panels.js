@@ -15,6 +15,7 @@
 //   parameters  active values and put(values)
 //   order(what, fields)   sends an order; returns its answer, or null after a refusal that the page has shown
 //   notify(text)          shows one line to the user and writes it into the log
+//   status      the newest status message, null before the first
 //
 // A panel has:
 //   element   its content; its size follows from the grid, and a canvas in a <figure> fills it
