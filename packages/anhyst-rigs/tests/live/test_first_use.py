@@ -96,7 +96,7 @@ def test_a_recording_is_visible_immediately_in_every_trigger_mode(
         page.locator("#trigger-level").press("Tab")
     before = drawn_pixels(page)
     with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Overlay…").click()
+        page.locator("#overlay").select_option("file")
     chooser.value.set_files(path)
     until(page, "window.anhyst.scope.overlays.length === 1")
     entry = page.locator(".overlays .key")
@@ -111,6 +111,25 @@ def test_a_recording_is_visible_immediately_in_every_trigger_mode(
     until(page, "document.querySelector('.overlays .key').textContent.includes('outside the window')")
     low = seen(page, "page.scope.plot.strips[0].plot.scales.y.min")
     assert low > 440.0  # rows outside the window do not stretch the axis
+
+
+def test_a_recording_of_the_bench_is_overlaid_and_saved_without_leaving_the_page(
+    page: Page, bearing: Served
+) -> None:
+    name = page.locator("#record-name").input_value()
+    page.select_option("#record-kind", ".mf4")
+    press(page, "Keep last 10 s")
+    page.get_by_text(re.compile(r"^Recordings \(")).click()
+    link = page.locator("#recordings a").first
+    until(page, f"document.querySelector('#recordings a')?.textContent === '{name}.mf4'")
+    with page.expect_download() as saved:
+        link.click()
+    written = (bearing.session.recorder.folder / f"{name}.mf4").read_bytes()
+    assert saved.value.path().read_bytes() == written
+    page.locator("#overlay").select_option(f"{name}.mf4")
+    until(page, "window.anhyst.scope.overlays.length === 1")
+    assert seen(page, "page.scope.overlays[0].ticks.length") > 1000
+    assert page.locator("#overlay").input_value() == ""
 
 
 def test_a_table_of_a_held_picture_is_overlaid_on_it(page: Page, bearing: Served) -> None:

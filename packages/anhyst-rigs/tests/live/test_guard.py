@@ -15,6 +15,7 @@ from websockets.typing import Origin
 
 from anhyst.cli.app import main
 from anhyst_rigs.dashboard.browsers import CONTENT_SECURITY_POLICY, read_address
+from anhyst_rigs.dashboard.recording import RecordingSpan
 from anhyst_rigs.dashboard.server import MAX_CLIENTS
 from tests.live.conftest import Serve, Served, wait_for
 from tests.refusals import refused, says
@@ -105,6 +106,28 @@ def test_the_page_may_load_only_its_own_files(serve: Serve) -> None:
     assert "unsafe" not in CONTENT_SECURITY_POLICY
     assert get(served, "/assets/../server.py").status == 404
     assert get(served, "/assets/%2e%2e/server.py").status == 404
+
+
+def test_only_recordings_of_the_folder_are_sent_and_only_with_the_key(serve: Serve) -> None:
+    served = serve(token="right-token")
+    folder = served.session.recorder.folder
+    (folder / "measured.csv").write_text("current_A,force_N\n0,0\n")
+    (folder / "named.mf4").mkdir()
+    recorder, record = served.session.recorder, served.session.record
+    served.session.run_between_chunks(lambda: record("short.csv", RecordingSpan(0.0, 0.01)))
+    wait_for(lambda: recorder.status() is None)
+    served.session.run_between_chunks(lambda: record("unfinished.csv", RecordingSpan()))
+    with meet(served) as line:
+        line.recv(timeout=10)
+        line.send(json.dumps({"token": "right-token"}))
+        welcome = next_message(line, "bench")
+    assert [one["name"] for one in welcome["recordings"]] == ["short.csv"]
+    at = welcome["downloads"]
+    assert get(served, f"{at}short.csv").status == 200
+    for name in ("measured.csv", "unfinished.csv", "named.mf4", "%2e%2e%2fshort.csv", "../short.csv", ""):
+        assert get(served, f"{at}{name}").status == 404
+    assert get(served, "/recordings/guess/short.csv").status == 404
+    assert get(served, f"{at}short.csv", Host="elsewhere:80").status == 403
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ import orjson
 
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.dashboard.recordings import RecordingFolder
 from anhyst_rigs.rig.bench.protocol import Signal, Subscription, column_header
 
 if TYPE_CHECKING:
@@ -304,6 +305,7 @@ class TickRecorder:
         derived: DerivedSignals | None = None,
     ) -> None:
         self.folder = folder
+        self.finished = RecordingFolder(folder)
         self.error_text = ""
         self._signals = signals
         self._rate = rate
@@ -365,6 +367,7 @@ class TickRecorder:
             self.error_text = ""
             self._file, self._span, self._next_row = file, recording_span, None
             self._begin_tick = 0
+            self.finished.refresh(unfinished=file.path)
             if recording_span.crossing is None:
                 self._set_limits_around(tick + 1)
 
@@ -378,6 +381,7 @@ class TickRecorder:
                 self._close_file("not written: nothing crossed the level")
                 # This must follow the closing, because Windows cannot remove an open file.
                 path.unlink()
+                self.finished.refresh()
             else:
                 self._last_tick = min(self._last_tick, tick)
 
@@ -470,6 +474,7 @@ class TickRecorder:
     def _close_file(self, end_reason: str) -> None:
         if self._file is not None:
             self._file.close()
+            self.finished.refresh()
             seconds = (self._written_until_tick + 1 - self._begin_tick) / self._rate
             duration = f", {seconds:.{1 if seconds >= 1.0 else 3}f} s" if self._file.rows else ""
             self._notify(f"{self._file.path.name} {end_reason}{duration}")

@@ -25,6 +25,7 @@ from anhyst_rigs.dashboard.derived import DerivedSignal
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, WAVE_SHAPES
 from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameters, perform
 from anhyst_rigs.dashboard.recording import BUFFER_S
+from anhyst_rigs.dashboard.recordings import ListedRecording, RecordingRoute
 from anhyst_rigs.dashboard.response import describe_response
 from anhyst_rigs.dashboard.session import WATCH_ONLY_REASON, LiveSession, refuse_all_orders
 from anhyst_rigs.rig.bench.protocol import Parameter, Signal, column_header
@@ -102,6 +103,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "learns": None if session.learner is None else session.learner.unit,
         "limits": None if session.improver is None else session.improver.limits(),
         "loops": describe_loops(session),
+        "recordings": describe_recordings(session),
     }
 
 
@@ -118,6 +120,11 @@ def _describe(signal: Signal) -> dict[str, Any]:
 def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
     """Return the loops that the page draws behind the running loop."""
     return [curve._asdict() for curve in session.curves]
+
+
+def describe_recordings(session: LiveSession) -> list[dict[str, Any]]:
+    """Return the list of the finished recordings."""
+    return [recording._asdict() for recording in session.recorder.finished.recordings]
 
 
 def _enum_names(kind: type[IntEnum]) -> dict[str, str]:
@@ -158,6 +165,7 @@ class Client:
         self.results: Mapping[str, Any] = {}
         self.response: FrequencyResponse | None = None
         self.derived: tuple[DerivedSignal, ...] = ()
+        self.recordings: tuple[ListedRecording, ...] = ()
         self._answers: deque[Mapping[str, Any]] = deque(maxlen=_MAX_QUEUED_ANSWERS)
 
     @property
@@ -191,7 +199,9 @@ class LiveServer:
         self._token = token
         self._clients: dict[int, Client] = {}
         self._client_count = 0
-        routes = [*page_routes("index.html"), WebSocketRoute("/live", self._accept_browser)]
+        self._downloads = RecordingRoute(lambda: session.recorder.finished)
+        socket_route = WebSocketRoute("/live", self._accept_browser)
+        routes = [*page_routes("index.html"), socket_route, self._downloads.route]
         self.app = RequestGuard(Starlette(routes=routes), names)
 
     async def _accept_browser(self, socket: WebSocket) -> None:
@@ -240,7 +250,9 @@ class LiveServer:
         client.outbox = RowQueue(ticks_per_row=self.session.bench.ticks_per_row)
         client.parameters, client.curves = self.session.parameters, self.session.curves
         client.derived = self.session.derived.definitions
-        await client.send_message(make_welcome_message(self.session, self._title, client.number))
+        client.recordings = self.session.recorder.finished.recordings
+        welcome = make_welcome_message(self.session, self._title, client.number)
+        await client.send_message({**welcome, "downloads": self._downloads.address})
         client.leave()
         client.leave = self.session.subscribe(client.outbox.put)
 
@@ -276,6 +288,9 @@ class LiveServer:
         if client.curves is not self.session.curves:
             client.curves = self.session.curves
             await client.send_message({"kind": "loops", "loops": describe_loops(self.session)})
+        if client.recordings is not self.session.recorder.finished.recordings:
+            client.recordings = self.session.recorder.finished.recordings
+            await client.send_message({"kind": "recordings", "recordings": describe_recordings(self.session)})
         learner = self.session.learner
         laps = [lap for lap in tuple(learner.laps) if lap.tick > client.sent_laps] if learner else ()
         if laps:

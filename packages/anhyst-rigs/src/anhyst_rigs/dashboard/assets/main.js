@@ -33,6 +33,11 @@ link.addEventListener("parameters", (event) => page?.parameters.take(event.detai
 link.addEventListener("improve", (event) => page && keep("results", event.detail.results, "show"));
 link.addEventListener("learnt", (event) => page && keep("laps", [...page.bench.laps, ...event.detail.laps].slice(-MAX_CYCLES), "learnt"));
 link.addEventListener("response", (event) => page && keep("measured", event.detail.result));
+link.addEventListener("recordings", (event) => {
+  if (!page) return;
+  keep("recordings", event.detail.recordings, "listRecordings");
+  page.panel.recorder.finished.list();
+});
 link.addEventListener("loops", (event) => page && keep("loops", event.detail.loops, "know"));
 link.addEventListener("lost", (event) => lost(event.detail));
 

@@ -1,6 +1,7 @@
 // Controls of the recorder: file, start and end. Shows the running recording.
 
 import { field, make, select } from "./dom.js";
+import { downloadList } from "./library.js";
 import { shown } from "./units.js";
 
 const KINDS = [
@@ -44,6 +45,7 @@ export class RecorderPanel {
     this.crossing = make("div", { className: "line" }, this.signal, this.level, this.unit);
     this.edge.onchange = this.signal.onchange = () => this.#refresh();
     const button = (id, textContent, title, onclick) => make("button", { id, textContent, title, onclick });
+    this.finished = downloadList(bench);
     this.now = make("output", { className: "reading", id: "recorded" });
     const line = (...children) => make("div", { className: "line" }, ...children);
     const options = make(
@@ -63,6 +65,7 @@ export class RecorderPanel {
         button("keep", `Keep last ${bench.kept} s`, `Write the last ${bench.kept} s to a new file`, () => this.keep()),
       ),
       this.now,
+      this.finished.element,
     );
     this.#refresh();
   }

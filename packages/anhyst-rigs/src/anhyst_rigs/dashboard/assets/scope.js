@@ -3,6 +3,7 @@
 import { ink } from "./colours.js";
 import { Cursors } from "./cursors.js";
 import { field, make, select } from "./dom.js";
+import { overlayMenu } from "./library.js";
 import { columnOf } from "./signals.js";
 import { TimePlot } from "./timeplot.js";
 import { Trigger } from "./trigger.js";
@@ -215,6 +216,11 @@ export class Scope {
     for (const entry of this.overlayList.children) entry.update();
   }
 
+  // Updates the menu of the recordings in the folder of the bench.
+  listRecordings() {
+    this.menu.list();
+  }
+
   // Overlays a recording on all time plots.
   async overlay(file) {
     try {
@@ -334,14 +340,8 @@ export class Scope {
       this.#trigger = settings && new Trigger(settings);
     };
     this.triggers = new TriggerControls(this.bench, arm, (column) => this.#middle(column));
-    const file = make("input", { type: "file", accept: ".csv,.mf4", hidden: true });
-    file.onchange = () => {
-      if (file.files[0]) this.overlay(file.files[0]);
-      file.value = "";
-    };
-    const title = "Draw a recording (.csv or .mf4) behind the running signals; a file can also be dropped on a plot";
-    const overlay = make("button", { textContent: "Overlay…", title, onclick: () => file.click() });
-    this.bar.replaceChildren(this.holdButton, field("Window", this.widths), ...this.triggers.elements, overlay, file, this.overlayList);
+    this.menu = overlayMenu(this.bench, (file) => this.overlay(file), this.notify);
+    this.bar.replaceChildren(this.holdButton, field("Window", this.widths), ...this.triggers.elements, ...this.menu.elements, this.overlayList);
   }
 
   // Returns the mean of a column over the window, and whether the column is constant there.
