@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from anhyst_rigs.dashboard.recording import RecordingSpan
 from anhyst_rigs.rig.bench.foreign import open_foreign
 from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.study.improve import make_drawn_loops
@@ -15,6 +16,7 @@ from anhyst_rigs.study.prepared_benches import PreparedForce
 from tests.link.foreign import slaves
 from tests.live.conftest import Serve, Served, Show
 from tests.live.test_body import setups
+from tests.live.test_desk import record
 from tests.live.test_page import seen, until
 from tests.live.test_stage import prepared as prepared_stage
 from tests.study import bearings, piezos
@@ -34,7 +36,9 @@ Rig = Callable[[pytest.FixtureRequest, Serve, ExitStack], Served]
 
 def _bearing(_request: pytest.FixtureRequest, serve: Serve, _stack: ExitStack) -> Served:
     known = bearings.knowledge()
-    return serve(curves=make_drawn_loops(known.loops, known.model))
+    served = serve(curves=make_drawn_loops(known.loops, known.model))
+    record(served, "listed.csv", RecordingSpan(0.0, 0.01))
+    return served
 
 
 def _force(request: pytest.FixtureRequest, serve: Serve, _stack: ExitStack) -> Served:
@@ -180,3 +184,22 @@ def test_a_panel_is_filled_and_cursors_are_moved_by_keys(bearing: Served, show: 
     page.keyboard.press("ArrowLeft")
     moved = seen(page, "page.scope.cursors.ticks")
     assert moved != [first, last]
+
+
+@pytest.mark.slow
+def test_the_arrow_keys_move_the_cursor_of_a_spectrum(bearing: Served, show: Show) -> None:
+    page = show(bearing)
+    until(page, "window.anhyst?.store.count > 2000")
+    open_tab(page, "spectrum")
+    page.select_option("#spectrum-length", "1024")
+    until(page, "document.getElementById('spectrum-note').textContent.includes('rms')")
+    page.locator("#spectrum figure").focus()
+    frequencies = []
+    for key in ("ArrowRight", "ArrowRight", "ArrowLeft"):
+        before = page.locator("#spectrum-reading").inner_text()
+        page.keyboard.press(key)
+        until(page, f"document.getElementById('spectrum-reading').textContent !== {before!r}")
+        frequencies.append(float(page.locator("#spectrum-reading").inner_text().split()[0]))
+    assert frequencies[0] == frequencies[2] < frequencies[1]
+    page.keyboard.press("Tab")
+    until(page, "document.getElementById('spectrum-reading').textContent === ''")

@@ -23,6 +23,7 @@ from anhyst.support.jobs import begin_step
 from anhyst_rigs.dashboard.starting import serve_start_page
 from anhyst_rigs.dashboard.verb import listen_on
 from tests.cli.command import ENVIRONMENT
+from tests.live.test_accessibility import faults
 from tests.repository import ROOT
 
 if TYPE_CHECKING:
@@ -199,5 +200,8 @@ def test_start_page_shows_steps_as_they_run_and_the_reason_of_a_failure(browser:
             assert re.fullmatch(r"✓ Read the rig\d+\.\d s", entries.first.text_content() or "")
             raise InputError("no compiler", code="no-compiler")
     page.locator("#error").filter(has_text="no compiler").wait_for()
+    assert faults(page) == []
+    page.emulate_media(color_scheme="dark")
+    assert faults(page) == []
     assert (entries.last.text_content() or "").startswith("✗ Build the firmware")
     page.context.close()

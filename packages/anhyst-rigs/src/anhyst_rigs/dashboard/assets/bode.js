@@ -52,8 +52,7 @@ export class BodePanel {
   #plane(label) {
     const figure = make("figure");
     const plane = new Plane(figure, "Frequency / Hz", label, "x");
-    figure.onmousemove = (event) => (this.#cursor = plane.xAt?.(event.offsetX) ?? null);
-    figure.onmouseleave = () => (this.#cursor = null);
+    plane.onCursor((x) => (this.#cursor = x));
     return plane;
   }
 

@@ -3,6 +3,8 @@
 import { ink } from "./colours.js";
 
 const MARGIN = { left: 62, right: 24, top: 12, bottom: 40 };
+const CURSOR_STEP = 1 / 100; // distance that an arrow key moves a cursor, relative to the range of x
+const SMALL_CURSOR_STEP = 1 / 1000; // the same with Shift
 
 export class Plane {
   yStep = undefined; // distance of the labels at the y axis; undefined: chosen from the range
@@ -15,6 +17,27 @@ export class Plane {
     Object.assign(this.canvas, { role: "img", ariaLabel: "curves" });
     this.context = this.canvas.getContext("2d");
     this.labels = [xLabel, yLabel];
+  }
+
+  // Calls `moved` with the x of a cursor, which follows the pointer and the arrow keys, and with null when it leaves.
+  onCursor(moved) {
+    const figure = this.canvas.parentElement;
+    let cursor = null;
+    const move = (x) => {
+      cursor = x;
+      moved(x);
+    };
+    Object.assign(figure, { tabIndex: 0, role: "group", ariaLabel: "curves with a cursor, which the arrow keys move" });
+    figure.onmousemove = (event) => this.limits && move(this.xAt(event.offsetX));
+    figure.onmouseleave = figure.onblur = () => move(null);
+    figure.onkeydown = (event) => {
+      const way = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!way || !this.limits) return;
+      event.preventDefault();
+      const [left, right] = this.limits;
+      const step = (right - left) * (event.shiftKey ? SMALL_CURSOR_STEP : CURSOR_STEP);
+      move(Math.min(right, Math.max(left, (cursor ?? (left + right) / 2) + way * step)));
+    };
   }
 
   // Starts a picture with the limits [x low, x high, y low, y high].

@@ -51,14 +51,10 @@ export class SpectrumView {
       make("div", { className: "whole" }, figure),
     );
     this.plane = new Plane(figure, "Frequency / Hz", "", true);
-    figure.onmousemove = (event) => {
-      this.#cursor = 10 ** this.plane.xAt(event.offsetX);
+    this.plane.onCursor((x) => {
+      this.#cursor = x === null ? null : 10 ** x;
       this.#due = 0;
-    };
-    figure.onmouseleave = () => {
-      this.#cursor = null;
-      this.#due = 0;
-    };
+    });
   }
 
   draw() {
