@@ -4,18 +4,18 @@ import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { field, make, refuse, select } from "./dom.js";
 
-// Name, unit and factor from SI of each kind of parameter, for every magnet.
+// Name, group, unit and factor from SI of each kind of parameter.
 const KINDS = {
-  scale: ["scales", "%", 100],
-  gap_zero_m: ["gap zeros", "µm", 1e6],
-  width: ["widths", "%", 100],
-  payload: ["body", "%", 100],
-  lag_s: ["lag", "µs", 1e6],
-  bias_N: ["body", "N", 1],
-  cable_N_per_m: ["body", "N/m", 1],
-  centre_x_m: ["body", "µm", 1e6],
-  centre_y_m: ["body", "µm", 1e6],
-  centre_z_m: ["body", "µm", 1e6],
+  scale: ["Scale error", "scales", "%", 100],
+  gap_zero_m: ["Zero of the gap", "gap zeros", "µm", 1e6],
+  width: ["Width of the loops", "widths", "%", 100],
+  payload: ["Payload, relative to the mass", "body", "%", 100],
+  lag_s: ["Lag of the flux", "lag", "µs", 1e6],
+  bias_N: ["Constant force", "body", "N", 1],
+  cable_N_per_m: ["Stiffness of the cable", "body", "N/m", 1],
+  centre_x_m: ["Centre of mass, x", "body", "µm", 1e6],
+  centre_y_m: ["Centre of mass, y", "body", "µm", 1e6],
+  centre_z_m: ["Centre of mass, z", "body", "µm", 1e6],
 };
 const MAX_SHOWN_PARAMETERS = 8; // with more parameters, one kind or magnet is selected
 const ERRORS = {
@@ -32,12 +32,11 @@ export class Learning {
     this.bench = bench;
     this.of = ERRORS[bench.learns];
     this.button = make("button", { id: "learn", onclick: () => order("learn", { on: !this.#now?.on }) });
-    this.back = make("button", { textContent: "Revert", title: "Remove the corrections", onclick: () => order("learn", { revert: true }) });
-    this.back.title = "discards all estimates";
+    this.back = make("button", { textContent: "Revert", title: "Discard all estimates and remove the corrections", onclick: () => order("learn", { revert: true }) });
     this.gained = make("output", { className: "reading", id: "gained" });
     this.said = make("output", { className: "soft", id: "learnt-said" });
     this.legend = make("span");
-    const kinds = [...new Set(Object.values(KINDS).map(([name]) => name))].map((one) => [one, one]);
+    const kinds = [...new Set(Object.values(KINDS).map(([, group]) => group))].map((one) => [one, one]);
     const magnets = (bench.body?.magnets ?? []).map(({ name }, n) => [String(n + 1), `magnet ${name}`]);
     this.kind = select([...kinds, ...magnets], "scales");
     this.kind.id = "learnt-kind";
@@ -75,7 +74,7 @@ export class Learning {
     const names = Object.keys(values);
     this.group.hidden = names.length <= MAX_SHOWN_PARAMETERS;
     const { value } = this.kind;
-    const shown = (name) => kindOf(name)[0] === value || name.match(/_(\d+)/)?.[1] === value;
+    const shown = (name) => kindOf(name)[1] === value || name.match(/_(\d+)/)?.[1] === value;
     return this.group.hidden ? names : names.filter(shown);
   }
 
@@ -87,9 +86,9 @@ export class Learning {
     refuse(this.button, refused.learn || (learn.on ? "" : learn.refused));
     refuse(this.back, refused.learn);
     const last = this.#laps.at(-1);
-    const left = learn.left_out ? `${learn.left_out} laps left out: to look at one takes longer than a lap` : "";
+    const left = learn.left_out ? `${learn.left_out} cycles left out, because an estimate takes longer than a cycle` : "";
     const parts = [learn.trouble, last && learn.said[last.method], left].filter(Boolean);
-    const moved = this.bench.learns === "m" ? "press run" : "start the generator";
+    const moved = this.bench.learns === "m" ? "press Run" : "start the generator";
     const waits = learn.on ? `waits for a motion: ${moved}` : "no estimate yet";
     this.said.textContent = parts.join("; ") || waits;
     this.#gain();
@@ -117,15 +116,15 @@ export class Learning {
     if (!names.length) return "";
     const row = (name) => {
       const [value, sigma, applied, stated] = values[name];
-      const [, unit, factor] = kindOf(name);
+      const [text, , unit, factor] = kindOf(name);
       const cells = [
         `${short(factor * value)} ± ${short(2 * factor * sigma)} ${unit}`,
         `${short(factor * applied)} ${unit}`,
         `± ${short(2 * factor * stated)} ${unit}`,
       ];
-      const head = make("th", { textContent: name, scope: "row" });
+      const head = make("th", { textContent: text + numberOf(name), scope: "row", title: name });
       head.style.color = colour(names.indexOf(name));
-      return make("tr", {}, head, ...cells.map((text) => make("td", { textContent: text })));
+      return make("tr", {}, head, ...cells.map((cell) => make("td", { textContent: cell })));
     };
     const heads = ["Parameter", "Learnt, two deviations", "Applied", "Stated, two deviations"];
     return make(
@@ -207,6 +206,7 @@ export class Learning {
 }
 
 const kindOf = (name) => KINDS[name.replace(/_\d+/, "")];
+const numberOf = (name) => (/_\d+/.test(name) ? `, magnet ${name.match(/_(\d+)/)[1]}` : "");
 const colour = (n) => COLOURS[n % COLOURS.length];
 
 function short(value) {
