@@ -175,9 +175,9 @@ def test_the_page_shows_what_a_bearing_learns(serve: Serve, show: Show, firmware
     page.wait_for_selector("#learnt tbody tr")
     assert "±" in page.locator("#learnt tbody tr").first.inner_text()
     heads = page.locator("#learnt tbody th")
-    assert heads.first.inner_text() == "Scale error, magnet 1"
-    assert heads.first.get_attribute("title") == "scale_1"
-    assert "Zero of the gap" in heads.all_inner_texts()
+    assert heads.first.inner_text() == "Zero of the gap"
+    assert heads.first.get_attribute("title") == "gap_zero_m"
+    assert not any("_" in text for text in heads.all_inner_texts())
     until(page, "document.getElementById('gained').textContent.includes('N before')")
     press(page, "revert")
     press(page, "stop learning")
