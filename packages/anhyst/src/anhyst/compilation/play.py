@@ -295,8 +295,8 @@ def _example_values(info: _FileInfo) -> dict[str, object]:
         "calls": "anhyst_play_map",
         "init": f"anhyst_play_map_init_q31(&compensator, {name}_parameters,\n"
         f"                                  {macro}_PARAMETERS_WORDS)",
-        "input": info.model.input.name.replace("_", " "),
-        "output": info.model.output.name.replace("_", " "),
+        "input": info.model.input.words,
+        "output": info.model.output.words,
     }
 
 

@@ -82,7 +82,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
     if not texts:
         return loopset
     more_text = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
-    name, output = loopset.input.name, loopset.output.name.replace("_", " ")
+    name, output = loopset.input.words, loopset.output.words
     effect_text = f"the {output} does not ripple, so the loop is drawn over the mean {name}"
     if is_followed:
         effect_text = (

@@ -78,7 +78,7 @@ def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
 
 def name_full_scale(output: Quantity, size: float | None = None) -> str:
     """Return the name of a full scale, with its value if given: ``the largest force (24 N)``."""
-    name = output.name.replace("_", " ")
+    name = output.words
     scale_name = f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
     if size is None:
         return scale_name

@@ -173,11 +173,10 @@ def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.int
 
 def _plateau_note(plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity) -> str:
     scatter = max(plateau.sigma for plateau in plateaus)
-    texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
+    texts = (quantity.show(level).removeprefix(quantity.words) for level in levels)
     value_texts = list(dict.fromkeys(texts))
     scatter_text = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
-    name = quantity.name.replace("_", " ")
     count_text = f"{len(value_texts)} plateaus" if len(value_texts) > 1 else "one plateau"
-    text = f"{name} has {count_text}:{','.join(value_texts)}"
+    text = f"{quantity.words} has {count_text}:{','.join(value_texts)}"
     text += f" (scatter {scatter_text})" if scatter != 0.0 else ""
     return text + (f"; {lost_count} samples between them left out" if lost_count else "")

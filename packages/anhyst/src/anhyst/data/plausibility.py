@@ -79,9 +79,8 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
             if loopset.input.name == "current" and (is_even or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
         if output.is_flux_based and not output.is_even and correlation(loop.input, loop.output) < -0.5:
-            output_name = loopset.output.name.replace("_", " ")
             raise InputError(
-                f"{name}: the {output_name} falls as the {loopset.input.name} grows; reverse the sign "
+                f"{name}: the {loopset.output.words} falls as the {loopset.input.words} grows; reverse the sign "
                 f"of one: --flip {loopset.output.symbol}",
                 code="flux-falls",
                 key=name,

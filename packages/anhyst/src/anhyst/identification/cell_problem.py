@@ -152,7 +152,7 @@ class CellProblem:
         self.input_range = max(float(loop.input.max()) for loop in loopset.loops) - self.lowest_input
         self.output_range = max(float(np.ptp(loop.output)) for loop in loopset.loops)
         if any(correlation(loop.input, loop.output) < -0.5 for loop in loopset.loops):
-            name, drive = loopset.output.name.replace("_", " "), loopset.input.name
+            name, drive = loopset.output.words, loopset.input.words
             raise InputError(
                 f"the {name} falls as the {drive} rises; flip the sign of one of the columns",
                 code="output-falls",

@@ -60,7 +60,7 @@ def add_measured_width(
     shift, factor = float(theta[-2]) * fit.gap_sigma, float(np.exp(theta[-1]))
     variances = np.diag(np.linalg.pinv(result.jac.T @ result.jac))[-2:]
     std = tuple((np.sqrt(variances) * (fit.gap_sigma, factor)).tolist())
-    output_text = measured.output.name.replace("_", " ")
+    output_text = measured.output.words
     text = (
         f"from measured loops; the rest from the table, with its gaps moved by {1e6 * shift:.3g} um and its "
         f"{output_text} multiplied by {factor:.4g}"

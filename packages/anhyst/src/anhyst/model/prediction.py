@@ -106,7 +106,7 @@ def describe_fast_drives(
     fastest = max(fastest_input_rate(drive, time, input_range) for drive, time in runs)
     if fastest <= MAX_RATE_RATIO * limits.input_rate:
         return ()
-    name = model.input.name.replace("_", " ")
+    name = model.input.words
     return (f"{place}the {name} changes faster than was measured: {_describe_rate(model, fastest)}",)
 
 
@@ -138,7 +138,7 @@ def describe_far_value(
     """Describe values so far outside a range that their unit may be wrong; else empty."""
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
-    name, unit = quantity.name.replace("_", " "), quantity.unit
+    name, unit = quantity.words, quantity.unit
     largest_limit = max(map(abs, limits))
     largest_value = float(values[np.argmax(np.abs(values))])
     if abs(largest_value) > UNIT_ERROR_RATIO * largest_limit > 0.0:

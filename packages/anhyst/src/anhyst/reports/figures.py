@@ -35,16 +35,7 @@ from anhyst.support.figures import (
     use_report_style,
 )
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    NBSP,
-    Scale,
-    axis_label,
-    display_name,
-    format_number,
-    quantity_scale,
-    schedule_text,
-    typeset,
-)
+from anhyst.support.page import NBSP, Scale, axis_label, format_number, quantity_scale, schedule_text, typeset
 
 LoopOutputs = Sequence[FloatArray | None]
 """Modelled output of each loop, in the order of the loops; None if an output cannot be computed."""
@@ -73,7 +64,7 @@ def group_by_schedule(loopset: Loops) -> list[LoopGroup]:
     indices_by_value: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for index, loop in enumerate(loopset.loops):
         indices_by_value.setdefault(loop.schedule_value, []).append(index)
-    moving_label = f"{display_name(loopset.schedule)} moving"
+    moving_label = f"{loopset.schedule.words} moving"
     return [
         LoopGroup(moving_label if value is None else schedule_text(loopset.schedule, value), tuple(indices))
         for value, indices in indices_by_value.items()
@@ -218,7 +209,7 @@ def figure_residuals(loopset: Loops, fitted_outputs: LoopOutputs) -> Figure:
         ax.axhline(0.0, color="#555555", lw=0.7)
         _draw_residuals(ax, loopset, residuals, group, x_scale, y_scale)
         _label_axes(ax, axes, loopset, x_scale, y_scale, y_text="model \N{MINUS SIGN} measured")
-    drive = display_name(loopset.input)
+    drive = loopset.input.words
     handles = [
         Line2D([], [], label=f"{drive} rising", **_dot_style(RISING_COLOUR)),
         Line2D([], [], label=f"{drive} falling", **_dot_style(FALLING_COLOUR)),

@@ -26,15 +26,7 @@ from anhyst.support.figures import (
     use_report_style,
 )
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    GREEK_LETTERS,
-    Scale,
-    axis_label,
-    choose_scale,
-    display_name,
-    format_number,
-    quantity_scale,
-)
+from anhyst.support.page import GREEK_LETTERS, Scale, axis_label, choose_scale, format_number, quantity_scale
 
 Colour = tuple[float, float, float, float]
 
@@ -163,7 +155,7 @@ def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale)
     ax.set_xlabel(axis_label(model.input, input_scale))
     ax.set_ylabel(axis_label(model.output, output_scale))
     ax.set_title("steady-state loops at and between the nodes")
-    ax.legend(fontsize=7.5, title=display_name(model.schedule), title_fontsize=7.5, handlelength=2.6)
+    ax.legend(fontsize=7.5, title=model.schedule.words, title_fontsize=7.5, handlelength=2.6)
 
 
 def _draw_over_schedule(
@@ -187,7 +179,7 @@ def _draw_over_schedule(
         handles.append(_mark_failure(ax, check, schedule_scale, input_scale, output_scale))
     ax.set_xlabel(axis_label(model.schedule, schedule_scale))
     ax.set_ylabel(axis_label(model.output, output_scale))
-    ax.set_title(f"{display_name(model.output)} at a fixed {display_name(model.input)}")
+    ax.set_title(f"{model.output.words} at a fixed {model.input.words}")
     legend_position: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
     ax.legend(handles=handles, fontsize=7.5, handlelength=2.6, **legend_position)
 

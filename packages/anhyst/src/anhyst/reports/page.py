@@ -35,7 +35,6 @@ from anhyst.support.page import (
     Note,
     PageTable,
     Tile,
-    display_name,
     display_symbol,
     format_number,
     format_percent,
@@ -191,7 +190,7 @@ def _validity_text(subject: ModelSubject) -> str:
         low, high = model.valid.schedule
         scale = subject.schedule_scale
         text = scale.format_range(low, high) if low < high else f"{scale.format_with_unit(low)} only"
-        range_texts.append(f"{display_name(model.schedule)} {text}")
+        range_texts.append(f"{model.schedule.words} {text}")
     return f"Valid range: {'; '.join(range_texts)}. Results outside this range are computed and flagged."
 
 

@@ -14,16 +14,7 @@ from anhyst.reports.figures import figure_loops
 from anhyst.reports.subject import Measurements, ModelSubject
 from anhyst.support.figures import new_figure, use_report_style
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    Block,
-    Items,
-    Section,
-    Text,
-    axis_label,
-    display_name,
-    format_percent,
-    quantity_scale,
-)
+from anhyst.support.page import Block, Items, Section, Text, axis_label, format_percent, quantity_scale
 from anhyst.support.result import schedule_colours
 from anhyst.support.units import QUANTITIES
 
@@ -109,5 +100,5 @@ def _figure_force(model: Model, flux: FluxMap) -> Figure:
         axes.plot(input_scale.factor * current, y, color=colour, lw=1.0, label=label)
     axes.set_xlabel(axis_label(model.input, input_scale))
     axes.set_ylabel(axis_label(model.output, output_scale))
-    axes.legend(fontsize=7.5, title=display_name(model.schedule), title_fontsize=7.5)
+    axes.legend(fontsize=7.5, title=model.schedule.words, title_fontsize=7.5)
     return figure

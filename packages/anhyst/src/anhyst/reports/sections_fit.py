@@ -30,7 +30,6 @@ from anhyst.support.page import (
     Scale,
     Section,
     Text,
-    display_name,
     format_number,
     format_percent,
     make_table,
@@ -154,7 +153,7 @@ def _corner_text(model: Model) -> str:
         )
     text = (
         f"The iron is {layers_text}. Above {corner:.3g}{NBSP}Hz, eddy currents increase the opening of the "
-        f"modelled loops by more than {share} of the range of the {display_name(model.output)}"
+        f"modelled loops by more than {share} of the range of the {model.output.words}"
     )
     if uncertainty is None or GAMMA_NAME not in uncertainty.names:
         return f"{text}."

@@ -20,7 +20,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import MINUS, Note, Picture, Scale, display_name, format_percent, quantity_scale
+from anhyst.support.page import MINUS, Note, Picture, Scale, format_percent, quantity_scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +42,12 @@ class ModelSubject:
     @property
     def schedule_name(self) -> str:
         """Name of the scheduling variable in a sentence."""
-        return display_name(self.model.schedule) if self.model.schedule else ""
+        return self.model.schedule.words if self.model.schedule else ""
 
     @property
     def output_name(self) -> str:
         """Name of the output in a sentence."""
-        return display_name(self.model.output)
+        return self.model.output.words
 
     @property
     def full_scale_text(self) -> str:
@@ -57,7 +57,7 @@ class ModelSubject:
     @property
     def input_name(self) -> str:
         """Name of the input in a sentence."""
-        return display_name(self.model.input)
+        return self.model.input.words
 
     def percent_of_largest(self, deviation: float) -> str:
         """Return a deviation in per cent of the largest output."""

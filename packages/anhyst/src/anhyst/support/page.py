@@ -307,7 +307,7 @@ def format_deviation(value: float, deviation: float) -> str:
 
 def axis_label(quantity: Quantity, scale: Scale) -> str:
     """Return the label of an axis: the quantity, its symbol and the displayed unit."""
-    name = display_name(quantity)
+    name = quantity.words
     return scale.heading(name if name == quantity.symbol else f"{name} {display_symbol(quantity)}")
 
 
@@ -325,8 +325,3 @@ def typeset(text: str) -> str:
 def schedule_text(quantity: Quantity, value: float) -> str:
     """Return a value of the scheduling variable as text, such as ``gap 0.3 mm``."""
     return quantity.show(value).replace("-", MINUS)
-
-
-def display_name(quantity: Quantity) -> str:
-    """Return the name of a quantity for a sentence."""
-    return quantity.name.replace("_", " ")

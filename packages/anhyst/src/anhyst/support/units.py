@@ -140,19 +140,23 @@ class Quantity:
         return f"{self.symbol}_{unit}"
 
     @property
+    def words(self) -> str:
+        """Name for a sentence, such as ``flux linkage``."""
+        return self.name.replace("_", " ")
+
+    @property
     def label(self) -> str:
         """Label of an axis, such as ``current I [A]``."""
         unit = "°C" if self.unit == "degC" else self.unit
-        name = self.name.replace("_", " ")
-        return f"{name} [{unit}]" if name == self.symbol else f"{name} {self.symbol} [{unit}]"
+        is_symbol = self.words == self.symbol
+        return f"{self.words} [{unit}]" if is_symbol else f"{self.words} {self.symbol} [{unit}]"
 
     def show(self, value: float) -> str:
         """Return a value as text, lengths in mm: ``gap 0.3 mm``, ``temperature -15 °C``."""
-        name = self.name.replace("_", " ")
         if self.unit == "m":
-            return f"{name} {value * 1e3:.4g} mm"
+            return f"{self.words} {value * 1e3:.4g} mm"
         unit = {"degC": " °C", "1": ""}.get(self.unit, f" {self.unit}")
-        return f"{name} {value:.4g}{unit}"
+        return f"{self.words} {value:.4g}{unit}"
 
 
 QUANTITIES = MappingProxyType(
@@ -545,8 +549,7 @@ def _describe_unit_problem(quantity: Quantity, unit_text: str, unit: Unit | None
         return f"has no unit; call it {examples}"
     if unit.dimension != dimension:
         kind = unit.dimension.replace("_", " ")
-        name = quantity.name.replace("_", " ")
-        return f"'{unit.symbol}' is a unit of {kind}, not of {name}; write {examples}"
+        return f"'{unit.symbol}' is a unit of {kind}, not of {quantity.words}; write {examples}"
     return None
 
 
