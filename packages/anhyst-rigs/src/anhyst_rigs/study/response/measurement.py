@@ -1,8 +1,8 @@
 """Measure closed loop, sensitivity and plant of a running position loop with a multi-sine.
 
-A signal is added to the position reading. A short pilot signal, as strong as the noise, measures
+A signal is added to the position reading. A short pilot signal, twice as strong as the noise, measures
 how much the signals of the loop respond. The amplitudes of the measuring signal follow from these
-responses, so that motion, current and voltage stay within their limits. After the transient, four
+responses, so that motion, current and voltage stay within their limits. After the transient, three
 periods are recorded. Lines between the excited ones contain noise and distortion only: their power
 gives the coherence and the uncertainty of every point.
 """
