@@ -55,7 +55,7 @@ def test_a_generator_adds_to_the_triangle_and_is_refused_beyond_the_stack() -> N
         )
         session.run_between_chunks(lambda: session.bench.demand(8e-6))
         wait_for(lambda: session.status()["generator"] is None)
-        assert "lower the target or the stroke" in session.log[-1].text
+        assert "lower the offset or the stroke" in session.log[-1].text
         assert session.status()["state"] == State.RUN
     finally:
         session.close()
@@ -71,9 +71,12 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     state_is(page, "ready")
     tabs = [tab.text_content() for tab in page.locator("#tabs button").all() if tab.is_visible()]
     assert [str(tab).split()[1] for tab in tabs] == [
-        "Scope", "Loop", "Steps", "Parameters", "Log", "Levitation", "Spectrum",
+        "Scope", "Loop", "Steps", "Parameters", "Log", "Spectrum",
     ]  # fmt: skip
     assert "Run" in page.locator("#next").inner_text()
+    legends = page.locator("#panel legend").all_inner_texts()
+    assert "Offset of the motion" in legends
+    assert "Target" not in legends
     assert seen(page, "[...page.scope.plot.names]") == ["error", "force", "voltage"]
     press(page, "run")
     state_is(page, "run")
@@ -95,6 +98,9 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     page.locator("#target").fill("10")
     page.locator("#go").click()
     until(page, "document.querySelector('#panel').innerText.includes('now 10 µm')")
+    until(page, "document.getElementById('log').textContent.includes('Offset of the motion 10 µm')")
+    page.keyboard.press("3")
+    until(page, "document.getElementById('steps').textContent.includes('changes the reference all the time')")
     tick = served.session.bench.tick
     wait_for(lambda: served.session.bench.tick > tick + 3000)
     served.end()
@@ -107,7 +113,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     assert lap[off - 1] == lap[off - 2] + 1.0  # the switch is at the start of a period
     assert np.abs(np.diff(rows[:, 2 + names.index("voltage")])[off - 3 : off + 1]).max() < 1.0
     notes = [line for line in record.read_text().splitlines() if line.startswith("#")]
-    for text in ("run", "compensation = 0", "emergency stop", "target"):
+    for text in ("run", "compensation = 0", "emergency stop", "offset of the motion"):
         assert any(text in line for line in notes), text
     columns = {"t_s": rows[:, 1], "U_V": rows[:, 2 + names.index("voltage")],
                "x_m": rows[:, 2 + names.index("position_read")]}  # fmt: skip
