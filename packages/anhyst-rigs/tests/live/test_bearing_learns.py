@@ -137,8 +137,9 @@ def test_learning_pauses_while_the_compensation_is_off(beside: Beside) -> None:
     beside.advance(3.5, 40e-6)
     assert beside.learner.is_on
     assert len(beside.learner.laps) > count
-    assert beside.learner.laps[-1].values.keys() == corrections.keys()
+    assert beside.learner.laps[-1].values.keys() >= corrections.keys()
     assert beside.learner.status()["trouble"] == ""
+    assert reports[1:] == ["learning continues"]
 
 
 @pytest.mark.slow

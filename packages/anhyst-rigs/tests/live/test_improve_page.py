@@ -31,6 +31,7 @@ def test_a_view_opens_with_the_refusals_of_the_newest_status(
     page.evaluate("window.anhyst.views.values = () => []")  # later messages reach no view
     page.get_by_role("tab", name="improve").click()
     assert page.get_by_role("button", name="1. measure").is_enabled()
+    assert page.get_by_role("tab", name="levitation").count() == 0  # nothing levitates on a force rig
     assert page.get_by_role("button", name="2. identify").is_disabled()
 
 

@@ -77,11 +77,21 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     legends = page.locator("#panel legend").all_inner_texts()
     assert "Offset of the motion" in legends
     assert "Target" not in legends
+    assert page.locator("#step-up").get_attribute("title") == "Raise the offset of the motion by this height"
     assert seen(page, "[...page.scope.plot.names]") == ["error", "force", "voltage"]
     press(page, "run")
     state_is(page, "run")
     until(page, "document.getElementById('next').textContent === ''")
     wait_for(lambda: last(page, "lap") > 4)
+    ends = page.evaluate(
+        """async () => {
+          const { gauge } = await import("/assets/instruments.js");
+          const { element, draw } = gauge(anhyst.context, { signal: "reference" }, () => {});
+          draw();
+          return element.querySelector(".ends").textContent;
+        }"""
+    )
+    assert ends == "0 µm50 µm"  # the reference reaches 34 µm
     page.locator("body").press("c")
     until(page, "document.getElementById('compensation').textContent === 'Off (C)'")
     off = served.session.last_applied_tick

@@ -39,6 +39,7 @@ export class Improve {
     const right = make("figure");
     this.plots = make("div", { className: "pair" }, left, right);
     this.left = new Plane(left, "", "");
+    this.right = right;
     this.loops = new Plane(right, "current / A", "force / N");
     this.watch = new Watch(order);
     place.replaceChildren(
@@ -110,6 +111,7 @@ export class Improve {
     if (!this.now) return;
     this.#results = results;
     this.#shown = "";
+    this.right.hidden = !results.identify;
     this.figures.replaceChildren(...this.#tables(results));
   }
 
@@ -156,9 +158,9 @@ export class Improve {
     if (key === this.#shown) return;
     this.#shown = key;
     const { measure, identify } = this.#results;
-    const loops = identify?.loops ?? [];
-    if (identify) this.#drawErrors(loops);
-    else this.#drawDrive(measure?.played ?? { time: [], current: [] });
+    if (!identify) return this.#drawDrive(measure.played);
+    const { loops } = identify;
+    this.#drawErrors(loops);
     const all = (name) => loops.map((one) => one[name]);
     this.loops.begin([...limits(...all("current")), ...limits(...all("force"), ...all("old"))]);
     for (const one of loops) this.loops.line(one.current, one.force, ink("--soft"), 2.5, 0.5);

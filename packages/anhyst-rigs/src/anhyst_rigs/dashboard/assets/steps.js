@@ -10,7 +10,7 @@ const HEADS = ["Settings", "Height", "Noise before", "Overshoot", "Rise 10–90 
 const MIN_SHOWN_S = 0.005; // shortest time axis
 const HINT = "No steps yet. Set another target while the rig runs, or start the step of the generator.";
 const MOVING_HINT =
-  "No steps yet. A step counts if the reference was constant for 10 ms before and 60 ms after it, and the motion of this rig changes the reference all the time. STOP holds the stage.";
+  "No steps yet. A step counts if the reference was constant for 10 ms before and 60 ms after it, and a running motion changes the reference all the time.";
 const TIMES = " × "; // between the name of a gain and its factor, in the label of a setting
 
 export class StepView {

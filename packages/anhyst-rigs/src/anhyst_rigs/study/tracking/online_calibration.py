@@ -436,15 +436,15 @@ class BearingCalibrator(BenchCalibrator):
         return {**status, "trouble": status["trouble"] or wait_text}
 
     def _monitor_compensation(self, tick: int) -> None:
-        """Note whether the compensation is off at a tick. Then no force error says anything about the block."""
+        """Note whether the compensation is off at a tick, because the force error then has another cause."""
         was_compensated = self._is_compensated
         self._is_compensated = any(
             parameter.value for parameter in self._bench.parameters() if parameter.name == "compensation"
         )
         if not self._is_compensated:
             self._uncompensated_tick = tick
-            if was_compensated and self.is_on:
-                self.report(PAUSE_TEXT)
+        if self.is_on and self._is_compensated != was_compensated:
+            self.report("learning continues" if self._is_compensated else PAUSE_TEXT)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
         self._monitor_compensation(int(rows[-1, 0]))
