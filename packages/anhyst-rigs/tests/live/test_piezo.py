@@ -110,7 +110,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     until(page, "document.querySelector('#panel').innerText.includes('now 10 µm')")
     until(page, "document.getElementById('log').textContent.includes('Offset of the motion 10 µm')")
     page.keyboard.press("3")
-    until(page, "document.getElementById('steps').textContent.includes('changes the reference all the time')")
+    until(page, "document.getElementById('steps').textContent.includes('a running motion has none')")
     tick = served.session.bench.tick
     wait_for(lambda: served.session.bench.tick > tick + 3000)
     served.end()

@@ -9,8 +9,7 @@ import { show } from "./units.js";
 const HEADS = ["Settings", "Height", "Noise before", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
 const MIN_SHOWN_S = 0.005; // shortest time axis
 const HINT = "No steps yet. Set another target while the rig runs, or start the step of the generator.";
-const MOVING_HINT =
-  "No steps yet. A step counts if the reference was constant for 10 ms before and 60 ms after it, and a running motion changes the reference all the time.";
+const MOVING_HINT = "No steps yet. A step needs a reference that is constant before and after it; a running motion has none.";
 const TIMES = " × "; // between the name of a gain and its factor, in the label of a setting
 
 export class StepView {
