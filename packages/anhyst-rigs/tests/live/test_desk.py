@@ -253,7 +253,7 @@ def test_a_field_accepts_units_and_states_its_range(page: Page, bearing: Served)
     target = page.locator("#target")
     message = page.locator("fieldset[data-order=target] .invalid").first
     for text, expected in (
-        ("9999", "Choose 330 to 570 µm."),
+        ("9999", "Choose 350 to 550 µm."),
         ("abc", "Enter a number"),
         ("5 kg", "is not a unit"),
     ):

@@ -344,13 +344,14 @@ def test_the_log_has_the_names_and_units_of_the_page(page: Page) -> None:
     plain = page.evaluate(
         """async () => {
           const { inPlainWords } = await import("/assets/verbs.js");
-          const texts = ["compensation = 0, load_force = 1", "target 0.00047 m", "gain_p = 4.093e+06", "load -50 N", "lift", "speed 0.5 m/s",
+          const texts = ["compensation = 0, a = 1", "target 0.00047 m",
+            "gain_p = 4.093e+06", "load -50 N", "lift", "speed 0.5 m/s",
             "frequency response with a motion up to 5 um", "run.mf4 written, 10.0 s", "derived signal a = 2 * gap"];
           return texts.map((text) => inPlainWords(text, anhyst.bench));
         }"""
     )
     assert plain == [
-        "Compensation off, load_force = 1",
+        "Compensation off, a = 1",
         "Target 470 µm",
         "Proportional gain 4.093 MN/m",
         "Load -50 N",

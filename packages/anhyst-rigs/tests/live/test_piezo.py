@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -30,6 +31,9 @@ from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
 from tests.live.test_recorder import numbers
 from tests.study import piezos
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 RIG = piezos.EXAMPLE / "rig.toml"
 
@@ -61,6 +65,25 @@ def test_a_generator_adds_to_the_triangle_and_is_refused_beyond_the_stack() -> N
         session.close()
 
 
+def check_offset_names(page: Page) -> None:
+    legends = page.locator("#panel legend").all_inner_texts()
+    assert "Offset of the motion" in legends
+    assert "Target" not in legends
+    assert page.locator("#step-up").get_attribute("title") == "Raise the offset of the motion by this height"
+
+
+def check_gauge(page: Page) -> None:
+    ends = page.evaluate(
+        """async () => {
+          const { gauge } = await import("/assets/instruments.js");
+          const { element, draw } = gauge(anhyst.context, { signal: "reference" }, () => {});
+          draw();
+          return element.querySelector(".ends").textContent;
+        }"""
+    )
+    assert ends == "0 µm50 µm"  # the reference reaches 34 µm
+
+
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
 def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show, tmp_path: Path) -> None:
@@ -74,24 +97,13 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
         "Scope", "Loop", "Steps", "Parameters", "Log", "Spectrum",
     ]  # fmt: skip
     assert "Run" in page.locator("#next").inner_text()
-    legends = page.locator("#panel legend").all_inner_texts()
-    assert "Offset of the motion" in legends
-    assert "Target" not in legends
-    assert page.locator("#step-up").get_attribute("title") == "Raise the offset of the motion by this height"
+    check_offset_names(page)
     assert seen(page, "[...page.scope.plot.names]") == ["error", "force", "voltage"]
     press(page, "run")
     state_is(page, "run")
     until(page, "document.getElementById('next').textContent === ''")
     wait_for(lambda: last(page, "lap") > 4)
-    ends = page.evaluate(
-        """async () => {
-          const { gauge } = await import("/assets/instruments.js");
-          const { element, draw } = gauge(anhyst.context, { signal: "reference" }, () => {});
-          draw();
-          return element.querySelector(".ends").textContent;
-        }"""
-    )
-    assert ends == "0 µm50 µm"  # the reference reaches 34 µm
+    check_gauge(page)
     page.locator("body").press("c")
     until(page, "document.getElementById('compensation').textContent === 'Off (C)'")
     off = served.session.last_applied_tick

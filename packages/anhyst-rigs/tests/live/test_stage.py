@@ -310,7 +310,7 @@ def test_the_page_shows_and_reverts_estimates_of_a_stage(serve: Serve, show: Sho
     until(page, "!document.querySelector('#learnt tbody tr')")
     page.keyboard.press("c")
     until(page, "document.getElementById('compensation').textContent === 'Off (C)'")
-    until(page, "document.getElementById('gained').textContent.startsWith('single-valued')")
+    until(page, "document.getElementById('gained').textContent.startsWith('Best current without memory')")
     page.keyboard.press("Escape")
     state_is(page, "ready")
     assert page.locator("#next").inner_text() == "Press Run"
@@ -404,9 +404,10 @@ def test_the_page_groups_estimates_of_a_body_by_kind_and_magnet(serve: Serve, sh
     press(page, "learn from the motion")
     page.wait_for_selector("#learnt tbody tr")
     heads = page.locator("#learnt tbody th").all_inner_texts()
-    assert {head.rpartition("_")[0] for head in heads} == {"scale"}
+    assert {head.rpartition(",")[0] for head in heads} == {"Scale error"}
     page.select_option("#learnt-kind", label="magnet x2")
-    assert page.locator("#learnt tbody th").all_inner_texts() == ["scale_2", "gap_zero_2_m"]
+    shown = page.locator("#learnt tbody th").all_inner_texts()
+    assert shown == ["Scale error, magnet 2", "Zero of the gap, magnet 2"]
     page.select_option("#learnt-kind", "body")
-    assert "centre_z_m" in page.locator("#learnt tbody th").all_inner_texts()
+    assert "Centre of mass, z" in page.locator("#learnt tbody th").all_inner_texts()
     page.keyboard.press("Escape")
