@@ -70,6 +70,8 @@ def check_offset_names(page: Page) -> None:
     assert "Offset of the motion" in legends
     assert "Target" not in legends
     assert page.locator("#step-up").get_attribute("title") == "Raise the offset of the motion by this height"
+    page.keyboard.press("3")
+    until(page, "document.getElementById('steps').textContent.includes('a running motion has none')")
 
 
 def check_gauge(page: Page) -> None:
@@ -121,8 +123,6 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     page.locator("#go").click()
     until(page, "document.querySelector('#panel').innerText.includes('now 10 µm')")
     until(page, "document.getElementById('log').textContent.includes('Offset of the motion 10 µm')")
-    page.keyboard.press("3")
-    until(page, "document.getElementById('steps').textContent.includes('a running motion has none')")
     tick = served.session.bench.tick
     wait_for(lambda: served.session.bench.tick > tick + 3000)
     served.end()
