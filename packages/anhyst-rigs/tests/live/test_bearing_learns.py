@@ -205,7 +205,7 @@ def test_the_page_shows_what_a_bearing_learns(serve: Serve, show: Show, firmware
     assert page.locator("#gained").inner_text().startswith("Full hysteresis compensator: unexplained force")
     page.locator("body").press("c")
     until(page, "document.getElementById('notice').textContent.includes('Learning pauses, because the comp')")
-    assert "Learning pauses" in page.locator("#log").text_content()
+    assert "Learning pauses" in str(page.locator("#log").text_content())
     page.locator("body").press("c")
     press(page, "revert")
     press(page, "stop learning")
