@@ -120,6 +120,29 @@ def test_a_harmful_estimate_is_reverted_and_ends_learning(
 
 
 @pytest.mark.slow
+def test_learning_pauses_while_the_compensation_is_off(beside: Beside) -> None:
+    reports: list[str] = []
+    beside.learner.report = reports.append
+    beside.learner.switch(True)
+    beside.advance(2.0, 40e-6)
+    corrections = beside.learner.laps[-1].values
+    beside.bench.apply({"compensation": 0.0})
+    count = len(beside.learner.laps)
+    beside.advance(3.5, 40e-6)
+    assert beside.learner.is_on
+    assert len(beside.learner.laps) == count
+    assert reports == [beside.learner.status()["trouble"]]
+    assert "the compensation is off" in reports[0]
+    beside.bench.apply({"compensation": 1.0})
+    beside.advance(3.5, 40e-6)
+    assert beside.learner.is_on
+    assert len(beside.learner.laps) > count
+    assert beside.learner.laps[-1].values.keys() >= corrections.keys()
+    assert beside.learner.status()["trouble"] == ""
+    assert reports[1:] == ["learning continues"]
+
+
+@pytest.mark.slow
 def test_rows_that_were_missed_are_waited_out_until_no_current_flows(beside: Beside) -> None:
     beside.advance(1.0, 40e-6)
     beside.bench.advance(100)  # skip rows, as if they were lost
@@ -179,6 +202,11 @@ def test_the_page_shows_what_a_bearing_learns(serve: Serve, show: Show, firmware
     assert heads.first.get_attribute("title") == "gap_zero_m"
     assert not any("_" in text for text in heads.all_inner_texts())
     until(page, "document.getElementById('gained').textContent.includes('N before')")
+    assert page.locator("#gained").inner_text().startswith("Full hysteresis compensator: unexplained force")
+    page.locator("body").press("c")
+    until(page, "document.getElementById('notice').textContent.includes('Learning pauses, because the comp')")
+    assert "Learning pauses" in str(page.locator("#log").text_content())
+    page.locator("body").press("c")
     press(page, "revert")
     press(page, "stop learning")
     page.keyboard.press("Escape")

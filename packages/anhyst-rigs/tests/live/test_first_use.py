@@ -14,6 +14,7 @@ from anhyst_rigs.dashboard.recording import RecordingSpan
 from tests.live.conftest import Served, Show, sending_all_samples, shown, wait_for
 from tests.live.test_desk import drop_file, record
 from tests.live.test_page import last, lift, press, ready, seen, until
+from tests.refusals import refused
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -313,7 +314,7 @@ def test_the_sliders_follow_the_target(page: Page, bearing: Served) -> None:
     slider = page.get_by_label("target, slider", exact=True)
 
     def slider_value() -> float:
-        return 330.0 + 0.24 * float(slider.input_value())
+        return 350.0 + 0.2 * float(slider.input_value())
 
     for value in (450.0, 470.0):
         page.locator("#target").fill(str(value))
@@ -388,12 +389,14 @@ def test_the_log_has_the_names_and_units_of_the_page(page: Page) -> None:
     plain = page.evaluate(
         """async () => {
           const { inPlainWords } = await import("/assets/verbs.js");
-          const texts = ["target 0.00047 m", "gain_p = 4.093e+06", "load -50 N", "lift", "speed 0.5 m/s",
+          const texts = ["compensation = 0, a = 1", "target 0.00047 m",
+            "gain_p = 4.093e+06", "load -50 N", "lift", "speed 0.5 m/s",
             "frequency response with a motion up to 5 um", "run.mf4 written, 10.0 s", "derived signal a = 2 * gap"];
           return texts.map((text) => inPlainWords(text, anhyst.bench));
         }"""
     )
     assert plain == [
+        "Compensation off, a = 1",
         "Target 470 µm",
         "Proportional gain 4.093 MN/m",
         "Load -50 N",
@@ -403,6 +406,15 @@ def test_the_log_has_the_names_and_units_of_the_page(page: Page) -> None:
         "run.mf4 written, 10.0 s",
         "Derived signal a = 2 * gap",
     ]
+
+
+def test_the_target_of_a_bearing_ends_at_the_stops(page: Page, bearing: Served) -> None:
+    target = page.locator("#target")
+    target.fill("565")
+    assert page.locator("output.invalid:visible").inner_text() == "Choose 350 to 550 µm."
+    target.fill("450")
+    with refused("out-of-range demand: 0.000565; 0.00055 m"):
+        bearing.session.run_between_chunks(lambda: bearing.session.bench.demand(565e-6))
 
 
 def test_the_compensation_is_a_checkbox_among_the_parameters(page: Page, bearing: Served) -> None:

@@ -31,6 +31,7 @@ def test_a_view_opens_with_the_refusals_of_the_newest_status(
     page.evaluate("window.anhyst.views.values = () => []")  # later messages reach no view
     page.get_by_role("tab", name="improve").click()
     assert page.get_by_role("button", name="1. measure").is_enabled()
+    assert page.get_by_role("tab", name="levitation").count() == 0  # nothing levitates on a force rig
     assert page.get_by_role("button", name="2. identify").is_disabled()
 
 
@@ -42,11 +43,16 @@ def test_an_unknown_iron_is_improved_without_leaving_the_page(
     ready(page)
     page.get_by_role("tab", name="improve").click()
     assert page.get_by_role("button", name="2. identify").is_disabled()
-    page.get_by_label("current_A").fill("5")
+    assert "Start with Measure." in page.locator("#improve").inner_text()
+    assert page.locator("#improve .pair").is_hidden()
+    page.get_by_label("largest current").fill("5")
     press(page, "1. measure")
-    until(page, "document.getElementById('notice').textContent.includes('current_A: 5 is not above 0')")
-    page.get_by_label("current_A").fill("1.2")
+    said = "current: 5 A is not above 0 and at most 1.2 A, the limit of the rig file"
+    until(page, f"document.getElementById('notice').textContent.includes('{said}')")
+    page.get_by_label("largest current").fill("1.2")
     press(page, "1. measure")
+    until(page, "document.getElementById('improve').textContent.includes('ran faster than real time')")
+    assert page.locator("#improve .pair").is_visible()
     page.get_by_role("button", name="2. identify").click()
     page.get_by_role("button", name="3. compile").click()
     page.get_by_role("button", name="4. swap").click()

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -30,6 +31,9 @@ from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
 from tests.live.test_recorder import numbers
 from tests.study import piezos
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 RIG = piezos.EXAMPLE / "rig.toml"
 
@@ -55,10 +59,31 @@ def test_a_generator_adds_to_the_triangle_and_is_refused_beyond_the_stack() -> N
         )
         session.run_between_chunks(lambda: session.bench.demand(8e-6))
         wait_for(lambda: session.status()["generator"] is None)
-        assert "lower the target or the stroke" in session.log[-1].text
+        assert "lower the offset or the stroke" in session.log[-1].text
         assert session.status()["state"] == State.RUN
     finally:
         session.close()
+
+
+def check_offset_names(page: Page) -> None:
+    legends = page.locator("#panel legend").all_inner_texts()
+    assert "Offset of the motion" in legends
+    assert "Target" not in legends
+    assert page.locator("#step-up").get_attribute("title") == "Raise the offset of the motion by this height"
+    page.keyboard.press("3")
+    until(page, "document.getElementById('steps').textContent.includes('a running motion has none')")
+
+
+def check_gauge(page: Page) -> None:
+    ends = page.evaluate(
+        """async () => {
+          const { gauge } = await import("/assets/instruments.js");
+          const { element, draw } = gauge(anhyst.context, { signal: "reference" }, () => {});
+          draw();
+          return element.querySelector(".ends").textContent;
+        }"""
+    )
+    assert ends == "0 µm50 µm"  # the reference reaches 34 µm
 
 
 @pytest.mark.slow
@@ -71,14 +96,16 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     state_is(page, "ready")
     tabs = [tab.text_content() for tab in page.locator("#tabs button").all() if tab.is_visible()]
     assert [str(tab).split()[1] for tab in tabs] == [
-        "Scope", "Loop", "Steps", "Parameters", "Log", "Levitation", "Spectrum",
+        "Scope", "Loop", "Steps", "Parameters", "Log", "Spectrum",
     ]  # fmt: skip
     assert "Run" in page.locator("#next").inner_text()
+    check_offset_names(page)
     assert seen(page, "[...page.scope.plot.names]") == ["error", "force", "voltage"]
     press(page, "run")
     state_is(page, "run")
     until(page, "document.getElementById('next').textContent === ''")
     wait_for(lambda: last(page, "lap") > 4)
+    check_gauge(page)
     page.locator("body").press("c")
     until(page, "document.getElementById('compensation').textContent === 'Off (C)'")
     off = served.session.last_applied_tick
@@ -95,6 +122,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     page.locator("#target").fill("10")
     page.locator("#go").click()
     until(page, "document.querySelector('#panel').innerText.includes('now 10 µm')")
+    until(page, "document.getElementById('log').textContent.includes('Offset of the motion 10 µm')")
     tick = served.session.bench.tick
     wait_for(lambda: served.session.bench.tick > tick + 3000)
     served.end()
@@ -107,7 +135,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     assert lap[off - 1] == lap[off - 2] + 1.0  # the switch is at the start of a period
     assert np.abs(np.diff(rows[:, 2 + names.index("voltage")])[off - 3 : off + 1]).max() < 1.0
     notes = [line for line in record.read_text().splitlines() if line.startswith("#")]
-    for text in ("run", "compensation = 0", "emergency stop", "target"):
+    for text in ("run", "compensation = 0", "emergency stop", "offset of the motion"):
         assert any(text in line for line in notes), text
     columns = {"t_s": rows[:, 1], "U_V": rows[:, 2 + names.index("voltage")],
                "x_m": rows[:, 2 + names.index("position_read")]}  # fmt: skip

@@ -22,9 +22,9 @@ def parameters(damping: float = 2.5, mass: float = 0.1) -> list[Parameter]:
 
 
 def test_a_parameter_set_is_read_bit_for_bit_and_compared(tmp_path: Path) -> None:
-    sets = ParameterSets(tmp_path)
+    sets = ParameterSets(tmp_path, parameters())
     sets.save("soft 1", parameters(0.1 + 0.2))
-    assert sets.names == ParameterSets(tmp_path).names == ("soft 1",)
+    assert sets.names == ParameterSets(tmp_path, parameters()).names == ("soft 1",)
     held = sets.read("soft 1")
     assert held["damping"] == {"value": 0.1 + 0.2, "unit": "N s/m"}
     assert changed_values(parameters(0.3), held) == {"damping": 0.1 + 0.2}
@@ -33,7 +33,7 @@ def test_a_parameter_set_is_read_bit_for_bit_and_compared(tmp_path: Path) -> Non
 
 
 def test_a_set_is_not_written_over(tmp_path: Path) -> None:
-    sets = ParameterSets(tmp_path)
+    sets = ParameterSets(tmp_path, parameters())
     sets.save("one", parameters())
     with refused("exists-already"):
         sets.save("one", parameters(1.0))
@@ -45,7 +45,7 @@ def test_no_other_folder_is_touched(tmp_path: Path, name: str) -> None:
     folder = tmp_path / "work"
     folder.mkdir()
     (tmp_path / f"one{FILE_SUFFIX}").write_text("{}")
-    sets = ParameterSets(folder)
+    sets = ParameterSets(folder, parameters())
     with refused("bad-name set"):
         sets.save(name, parameters())
     with refused("bad-name set"):
@@ -69,14 +69,17 @@ def test_no_other_folder_is_touched(tmp_path: Path, name: str) -> None:
 def test_a_file_that_is_no_set_is_refused(tmp_path: Path, text: str, why: str) -> None:
     (tmp_path / f"one{FILE_SUFFIX}").write_text(text)
     with refused(why):
-        ParameterSets(tmp_path).read("one")
+        ParameterSets(tmp_path, parameters()).read("one")
 
 
 def test_a_set_of_another_bench_is_refused(tmp_path: Path) -> None:
-    sets = ParameterSets(tmp_path)
+    sets = ParameterSets(tmp_path, parameters())
     sets.save("one", parameters())
     with refused("unknown-parameter: mass"):
         changed_values(parameters()[:1], sets.read("one"))
+    assert ParameterSets(tmp_path, parameters()[:1]).names == ()  # another bench does not list it
+    with refused("exists-already"):
+        ParameterSets(tmp_path, parameters()[:1]).save("one", parameters()[:1])
     other = [parameters()[0], parameters()[1]._replace(unit="g")]
     with refused("units-differ mass: kg; g"):
         changed_values(other, sets.read("one"))
@@ -101,10 +104,13 @@ def test_sets_are_saved_compared_staged_and_rolled_back(serve: Serve, show: Show
     page.get_by_label(labelled(one.name), exact=True).fill(f"{new} {one.unit}")
     page.locator("#apply").click()
     wait_for(lambda: load_damping(served).value == new)
+    page.locator("#set-stage").click()
+    assert page.locator("#set-note").inner_text() == "choose a saved set as the second"
     page.select_option("#set-second", "before")
     until(page, "document.querySelectorAll('#differences td').length === 3")
     cells = page.locator("#differences td").all_inner_texts()
-    assert cells == [f"{new:g} {one.unit}", f"{old:g} {one.unit}", f"{old - new:g} {one.unit}"]
+    assert cells == [f"{value:.5g} {one.unit}" for value in (new, old, old - new)]
+    assert page.locator("#differences tr th[scope=row]").inner_text() == labelled(one.name)
     page.locator("#set-stage").click()
     page.get_by_role("button", name="Apply 1 staged").click()
     wait_for(lambda: load_damping(served).value == old)

@@ -206,7 +206,9 @@ def _execute_command(session: LiveSession, client_name: str, fields: Fields) -> 
 def _execute_target(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     value = read_finite_number(fields, "value")
     session.bench.demand(value)
-    session.log_change(client_name, f"target {value:g} {session.bench.demand_range.unit}")
+    demand = session.bench.demand_range
+    name = "offset of the motion" if demand.is_offset else "target"
+    session.log_change(client_name, f"{name} {value:g} {demand.unit}")
     return {}
 
 

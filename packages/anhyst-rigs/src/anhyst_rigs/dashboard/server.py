@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from anhyst.support.atomic import to_json_value
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import METHOD_TITLES
 from anhyst.support.states import Fault, Phase, State
 from anhyst_rigs.dashboard.browsers import MessageRateLimit, RequestGuard, RowQueue, encode_frame
 from anhyst_rigs.dashboard.connections import page_routes
@@ -101,6 +102,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "kept": BUFFER_S,
         "response": None if bench.injection_port is None else {"max_motion": bench.injection_port.max_motion},
         "learns": None if session.learner is None else session.learner.unit,
+        "methods": METHOD_TITLES,
         "limits": None if session.improver is None else session.improver.limits(),
         "loops": describe_loops(session),
         "recordings": describe_recordings(session),

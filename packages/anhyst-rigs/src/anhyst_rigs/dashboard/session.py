@@ -129,7 +129,7 @@ class LiveSession:
         self._closed = False
         self._listeners: tuple[Listener, ...] = ()
         folder = folder or Path.cwd()
-        self.sets = ParameterSets(folder)
+        self.sets = ParameterSets(folder, self.parameters)
         self._make_recorder(folder)
         if recording is not None:
             self.recorder.start_in_file(recording, RecordingSpan(), 0)
@@ -138,6 +138,7 @@ class LiveSession:
         self._threads: list[threading.Thread] = []
         self._pass_rows_on()
         if learner is not None:
+            learner.report = partial(self.log_change, "learning")
             learn = partial(learner.run, run_on_bench=self.run_between_chunks)
             self._threads.append(
                 _start_thread("learner", learn, self.pacer.subscribe("learner", _MAX_QUEUED_CHUNKS))
@@ -179,6 +180,7 @@ class LiveSession:
             self._threads, self._listeners = [], ()
             self._make_recorder(self.recorder.folder)
             self.parameters = self.bench.parameters()
+            self.sets.list_names(self.parameters)
             self._pass_rows_on()
 
     def start(self) -> None:

@@ -23,20 +23,19 @@ _MAX_FILE_BYTES = 1 << 20
 
 
 class ParameterSets:
-    """The parameter sets in a folder."""
+    """The parameter sets in a folder; :attr:`names` lists those whose parameters a bench has."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, parameters: Sequence[Parameter]) -> None:
         self._folder = folder
         self.names: tuple[str, ...] = ()
-        self._list_names()
+        self.list_names(parameters)
 
     def save(self, name: str, parameters: Sequence[Parameter]) -> None:
         """Save the active values as a set with a new name."""
         path = self._set_path(name)
-        self._list_names()
-        if name in self.names:
+        if path.exists():
             raise InputError(f"{path.name}: exists already; choose a new name", code="exists-already")
-        if len(self.names) >= _MAX_SETS:
+        if len(self._names_of_files()) >= _MAX_SETS:
             raise InputError(
                 f"sets: {_MAX_SETS} are in the folder; remove some of their files",
                 code="too-many-sets",
@@ -47,7 +46,7 @@ class ParameterSets:
         content = {"format": _FORMAT, "version": 1, "saved": saved, "parameters": values}
         with atomic_writer(path) as file:
             file.write(json_text(content))
-        self._list_names()
+        self.list_names(parameters)
 
     def read(self, name: str) -> dict[str, dict[str, Any]]:
         """Return the value and the unit of each parameter in a set, by parameter name."""
@@ -75,9 +74,20 @@ class ParameterSets:
             )
         return self._folder / f"{name}{FILE_SUFFIX}"
 
-    def _list_names(self) -> None:
+    def list_names(self, parameters: Sequence[Parameter]) -> None:
+        """List the sets again that contain only parameters of a bench, with the same units."""
+        self.names = tuple(name for name in self._names_of_files() if self._suits(name, parameters))
+
+    def _suits(self, name: str, parameters: Sequence[Parameter]) -> bool:
+        try:
+            changed_values(parameters, self.read(name))
+        except InputError:
+            return False
+        return True
+
+    def _names_of_files(self) -> list[str]:
         names = (path.name.removesuffix(FILE_SUFFIX) for path in self._folder.glob(f"*{FILE_SUFFIX}"))
-        self.names = tuple(sorted(name for name in names if _NAME_PATTERN.fullmatch(name))[:_MAX_SETS])
+        return sorted(name for name in names if _NAME_PATTERN.fullmatch(name))[:_MAX_SETS]
 
 
 def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:
@@ -97,7 +107,9 @@ def changed_values(
     for name, saved_value in saved.items():
         if name not in current:
             raise InputError(
-                f"set: {name}: is not a parameter of this bench", code="unknown-parameter", key=name
+                f"set: this rig has no parameter '{name}'; choose a set of this rig",
+                code="unknown-parameter",
+                key=name,
             )
         if saved_value["unit"] != current[name].unit:
             raise InputError(

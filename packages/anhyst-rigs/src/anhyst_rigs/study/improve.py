@@ -241,6 +241,10 @@ def measure_loops(
     }
 
 
+_LIMIT_WORDS = {"current_A": ("current", "A"), "rate_A_per_s": ("rate", "A/s"), "force_N": ("force", "N")}
+"""Name and unit of each limit that an operator may tighten."""
+
+
 def tighten_limits(specimen: Specimen, operator_limits: Mapping[str, float]) -> Specimen:
     """Return a specimen with the limits of the operator, if they are tighter."""
     bounds = _adjustable_limits(specimen)
@@ -252,9 +256,11 @@ def tighten_limits(specimen: Specimen, operator_limits: Mapping[str, float]) -> 
                 key="limits",
             )
         bound = bounds[name]
+        quantity, unit = _LIMIT_WORDS[name]
         if not 0.0 < value <= bound.value:
             raise InputError(
-                f"{name}: {value:g} is not above 0 and at most {bound.value:.4g} ({bound.key})",
+                f"{quantity}: {value:g} {unit} is not above 0 and at most {bound.value:.4g} {unit}, "
+                "the limit of the rig file",
                 code="out-of-range",
                 key=name,
             )

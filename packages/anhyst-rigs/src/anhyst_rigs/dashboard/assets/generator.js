@@ -1,6 +1,7 @@
 // Controls of the signal generator: a shape, a sweep or a user's table is added to the target.
 
 import { field, make, select } from "./dom.js";
+import { aimName } from "./names.js";
 import { Quantity } from "./quantity.js";
 import { seconds, show, shown, usual } from "./units.js";
 
@@ -46,7 +47,7 @@ export class GeneratorPanel {
       table: line(this.file),
     };
     this.frequency.title = `${low} to ${high} Hz`;
-    this.lines.table.title = `header t_s,${this.unit === "m" ? "gap_um" : "F_N"}, then rows; added to the target`;
+    this.lines.table.title = `header t_s,${this.unit === "m" ? "gap_um" : "F_N"}, then rows; added to the ${aimName(bench).toLowerCase()}`;
     this.now = make("output", { className: "reading" });
     const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
     place.append(

@@ -15,6 +15,9 @@ const LIMITS = [
 ];
 const STEPS = ["measure", "identify", "compile", "swap"];
 
+const HINT =
+  "Four steps improve the model of this rig. Measure drives the current through loops and records the force. Identify finds a new model from these loops and compares it with the active one. Compile converts the new model for the controller. Swap activates it while the rig runs, and Swap back restores the previous model. Start with Measure.";
+
 export class Improve {
   #results;
   #shown = ""; // key of the drawn content and its size
@@ -34,7 +37,9 @@ export class Improve {
     this.figures = make("div", { className: "scroll figures", tabIndex: 0, role: "region", ariaLabel: "figures" });
     const left = make("figure");
     const right = make("figure");
+    this.plots = make("div", { className: "pair" }, left, right);
     this.left = new Plane(left, "", "");
+    this.right = right;
     this.loops = new Plane(right, "current / A", "force / N");
     this.watch = new Watch(order);
     place.replaceChildren(
@@ -50,7 +55,7 @@ export class Improve {
         this.now,
       ),
       this.figures,
-      make("div", { className: "pair" }, left, right),
+      this.plots,
       this.watch.element,
     );
     this.show(bench.results);
@@ -69,16 +74,17 @@ export class Improve {
       const { value, key } = bounds[name];
       const input = make("input", { type: "number", step: "any", className: "number" });
       input.value = short(value);
-      input.title = `at most ${short(value)} ${unit}: ${key}`;
-      input.setAttribute("aria-label", name);
+      input.title = `at most ${short(value)} ${unit}, the limit of the rig file (${key})`;
+      input.setAttribute("aria-label", `largest ${text}`);
       this.inputs[name] = { input, most: value };
       return field(text, input, unit);
     });
     const warm = winding
-      ? `I²t: ${short(winding.continuous_A)} A for ever, ${short(winding.thermal_s)} s`
-      : "I²t: the rig file states no limit of the winding";
+      ? `Thermal limit of the winding (I²t): ${short(winding.continuous_A)} A permanently, time constant ${short(winding.thermal_s)} s.`
+      : "The rig file states no thermal limit of the winding.";
     const where = gaps.map((gap) => short(1e3 * gap)).join(", ");
-    return [...fields, make("span", { className: "soft", textContent: `${warm}; gaps ${where} mm` })];
+    const measured = gaps.length ? ` Loops are measured at ${gaps.length > 1 ? "the gaps" : "the gap"} ${where} mm.` : "";
+    return [...fields, make("span", { className: "soft", textContent: warm + measured })];
   }
 
   #begin(step) {
@@ -105,6 +111,7 @@ export class Improve {
     if (!this.now) return;
     this.#results = results;
     this.#shown = "";
+    this.right.hidden = !results.identify;
     this.figures.replaceChildren(...this.#tables(results));
   }
 
@@ -126,9 +133,11 @@ export class Improve {
   #tables({ measure, identify, compile }) {
     const lines = [];
     if (measure) {
+      const isQuick = measure.took_s < measure.duration_s;
+      const quick = isQuick ? ` (the virtual rig ran faster than real time and took ${Number(measure.took_s.toPrecision(2))} s)` : "";
       const warm = measure.warmth === null ? "" : `, I²t at most ${Math.round(100 * measure.warmth)} %`;
       lines.push(
-        `${measure.loops} loops, ${measure.samples} samples, ${short(measure.duration_s / 60)} min of the rig's time${warm}`,
+        `${measure.loops} loops, ${measure.samples} samples, ${short(measure.duration_s / 60)} min of the rig's time${quick}${warm}`,
         ...measure.notes,
       );
     }
@@ -136,20 +145,22 @@ export class Improve {
       lines.push(
         `block: ${short(compile.worst_N)} N off its model at most, of ${short(compile.largest_N)} N`,
       );
+    this.plots.hidden = !lines.length;
+    if (!lines.length) return [make("p", { className: "empty", textContent: HINT })];
     const found = lines.map((text) => make("p", { className: "soft", textContent: text }));
     return identify ? [misfits(identify), ...found] : found;
   }
 
   draw() {
-    if (!this.now) return;
+    if (!this.now || this.plots.hidden) return;
     const { clientWidth, clientHeight } = this.left.canvas.parentElement;
     const key = `${clientWidth} ${clientHeight} ${document.documentElement.dataset.theme}`;
     if (key === this.#shown) return;
     this.#shown = key;
     const { measure, identify } = this.#results;
-    const loops = identify?.loops ?? [];
-    if (identify) this.#drawErrors(loops);
-    else this.#drawDrive(measure?.played ?? { time: [], current: [] });
+    if (!identify) return this.#drawDrive(measure.played);
+    const { loops } = identify;
+    this.#drawErrors(loops);
     const all = (name) => loops.map((one) => one[name]);
     this.loops.begin([...limits(...all("current")), ...limits(...all("force"), ...all("old"))]);
     for (const one of loops) this.loops.line(one.current, one.force, ink("--soft"), 2.5, 0.5);

@@ -126,6 +126,7 @@ export function gauge(context, settings, save) {
   const { bench, store } = context;
   let name = settings.signal ?? (columnOf(bench, "current") < 0 ? bench.aim.signal : "current");
   let most = 0; // largest absolute value that was shown
+  let least = 0; // smallest value that was shown; 0 without negative values
   const bar = make("i");
   const value = make("output", { className: "big" });
   const ends = make("div", { className: "ends" }, make("span"), make("span"));
@@ -133,7 +134,7 @@ export function gauge(context, settings, save) {
   const choose = (chosen) => {
     name = chosen;
     choice.choose(name);
-    most = 0;
+    most = least = 0;
     save({ signal: name });
   };
   const draw = paced(() => {
@@ -141,7 +142,8 @@ export function gauge(context, settings, save) {
     if (!signal) return showMissing(value, ends.firstChild);
     const now = store.value(signal.column, store.count - 1);
     most = Math.max(most, store.largest(signal.column, Math.max(0, store.count - bench.rate)));
-    const [low, high] = gaugeRange(bench, signal, most);
+    least = Math.min(least, now);
+    const [low, high] = gaugeRange(bench, signal, most, least);
     const share = Math.min(1, Math.max(0, (now - low) / (high - low)));
     bar.style.width = `${100 * share}%`;
     bar.style.background = signal.colour;
@@ -152,11 +154,11 @@ export function gauge(context, settings, save) {
 }
 
 // Returns the range of a gauge: that of the demand for the controlled quantity, or a round number above all values.
-function gaugeRange({ aim }, { name, unit }, most) {
-  if ([aim.signal, aim.reference].includes(name)) return [aim.low, aim.high];
+function gaugeRange({ aim }, { name, unit }, most, least) {
+  if (!aim.is_offset && [aim.signal, aim.reference].includes(name)) return [aim.low, aim.high];
   const power = 10 ** Math.floor(Math.log10(most || 1));
   const high = [1, 2, 5, 10].find((one) => one * power >= most) * power;
-  return [unit === "m" ? 0 : -high, high];
+  return [unit === "m" && least >= 0 ? 0 : -high, high];
 }
 
 export function table(context, settings, save) {

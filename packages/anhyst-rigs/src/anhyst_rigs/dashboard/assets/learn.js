@@ -3,6 +3,7 @@
 import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { field, make, refuse, select } from "./dom.js";
+import { words } from "./names.js";
 
 // Name, group, unit and factor from SI of each kind of parameter.
 const KINDS = {
@@ -101,7 +102,7 @@ export class Learning {
     const { what, unit, factor } = this.of;
     const text = (value) => `${short(factor * value)} ${unit}`;
     const were = before === undefined ? "" : `${text(before)} before, `;
-    this.gained.textContent = `${last.method}: ${what} ${were}${text(last.average)} now, peak ${text(last.peak)}`;
+    this.gained.textContent = `${words(this.bench.methods[last.method])}: ${what} ${were}${text(last.average)} now, peak ${text(last.peak)}`;
   }
 
   // Returns the cycles that used the same method as the last cycle.
@@ -155,7 +156,7 @@ export class Learning {
     for (const [n, method] of [...new Set(this.#laps.map((one) => one.method))].entries()) {
       const dot = make("i", { className: "dot" });
       dot.style.background = COLOURS[n];
-      this.legend.append(make("b", {}, dot, ` ${method} `));
+      this.legend.append(make("b", {}, dot, ` ${this.bench.methods[method]} `));
       const laps = this.#laps.filter((one) => one.method === method);
       for (const one of laps) this.errors.dot(one.tick / this.bench.rate, this.of.factor * one.average, COLOURS[n]);
     }

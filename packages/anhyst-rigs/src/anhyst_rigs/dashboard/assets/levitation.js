@@ -4,7 +4,7 @@ import { Plane, limits } from "./canvas.js";
 import { BLUE } from "./colours.js";
 import { make } from "./dom.js";
 import { words } from "./names.js";
-import { columnOf } from "./signals.js";
+import { columnOf, phaseColumn } from "./signals.js";
 import { fine, shown } from "./units.js";
 
 const WINDOW_S = 0.5; // time window, in which the reference must be constant
@@ -22,7 +22,7 @@ export class LevitationView {
       actual: find(signal),
       reference: find(reference),
       read: find(`${signal}_read`),
-      phase: find("phase"),
+      phase: phaseColumn(bench),
       state: find("state"),
     };
     this.unit = shown(unit);

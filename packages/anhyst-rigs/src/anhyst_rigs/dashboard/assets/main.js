@@ -162,6 +162,7 @@ function feed(frame) {
 
 function status(now) {
   const { bench, store, context } = page;
+  const isFirst = !context.status; // its log contains what happened before the page was opened
   context.status = now; // for views and panels that open before the next message
   const last = (name) => {
     const column = columnOf(bench, name);
@@ -186,7 +187,11 @@ function status(now) {
   shownDesk()?.status(now);
   role(now);
   if (!now.refused.derive) restoreDerived();
-  for (const { tick, who, text } of now.log) notices.write(inPlainWords(text, bench), who, tick, bench.rate);
+  for (const { tick, who, text } of now.log) {
+    const plain = inPlainWords(text, bench);
+    notices.write(plain, who, tick, bench.rate);
+    if (who === "learning" && !isFirst) notices.show(plain);
+  }
   if (now.ended) notices.show(now.ended, true);
   else if (now.lost) notices.show(`${now.lost}; looking for it`, true);
   else if (now.waits_for) notices.show(`the bench waits for ${now.waits_for}`);

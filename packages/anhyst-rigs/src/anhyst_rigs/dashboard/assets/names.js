@@ -45,6 +45,9 @@ export function chooseNames({ catalogue }) {
   isOurs = !catalogue;
 }
 
+// Returns the name of the value that the user demands of a bench.
+export const aimName = ({ aim }) => (aim.is_offset ? "Offset of the motion" : "Target");
+
 // Returns the readable name and the symbol of a signal or parameter.
 export function describe({ name, unit }) {
   if (!isOurs) return { label: name, symbol: "" };

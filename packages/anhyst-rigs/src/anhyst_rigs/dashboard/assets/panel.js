@@ -3,6 +3,7 @@
 import { NAME as COMPENSATION, compensationSwitch } from "./compensation.js";
 import { field, make, refuse, select } from "./dom.js";
 import { GeneratorPanel } from "./generator.js";
+import { aimName } from "./names.js";
 import { Quantity } from "./quantity.js";
 import { RecorderPanel } from "./recorder.js";
 import { StateBar } from "./statebar.js";
@@ -27,7 +28,7 @@ export class Panel {
     const operated = (group) => Object.assign(group, { hidden: !bench.commands.length });
     place.replaceChildren(
       operated(this.#group("State", "", this.states.element)),
-      operated(this.#group("Target", "target", ...this.#target())),
+      operated(this.#group(aimName(bench), "target", ...this.#target())),
       ...(parameters.value(COMPENSATION) === undefined
         ? []
         : [this.#group("Compensation", "apply", compensationSwitch(parameters))]),
@@ -51,8 +52,9 @@ export class Panel {
 
   #target() {
     const { aim } = this.bench;
+    const name = aimName(this.bench).toLowerCase();
     const go = () => this.target.check() && this.order("target", { value: this.target.value });
-    this.target = new Quantity({ ...aim, id: "target", label: "target", value: undefined }, undefined, go);
+    this.target = new Quantity({ ...aim, id: "target", label: name, value: undefined }, undefined, go);
     const range = aim.high - aim.low;
     const height = this.bench.choices.get("step SI", usual(aim, 0.1) / shown(aim.unit).factor);
     this.step = new Quantity({ unit: aim.unit, low: -range, high: range, id: "step", label: "height of a step", value: height });
@@ -66,14 +68,14 @@ export class Panel {
     this.targetNow = make("output", { className: "reading" });
     const button = (id, textContent, title, onclick) => make("button", { id, textContent, title, onclick });
     const line = (...children) => make("div", { className: "line" }, ...children);
-    this.go = button("go", "Set", "Set this target (Enter)", go);
+    this.go = button("go", "Set", `Set this ${name} (Enter)${aim.is_offset ? "; it is added to the motion, or to the position where the stage is held" : ""}`, go);
     return [
       line(...this.target.elements, this.go, this.targetNow),
       this.target.message,
       this.target.slider(),
       line(
-        button("step-down", "− Step", "Lower the target by this height", () => step(-1)),
-        button("step-up", "+ Step", "Raise the target by this height", () => step(1)),
+        button("step-down", "− Step", `Lower the ${name} by this height`, () => step(-1)),
+        button("step-up", "+ Step", `Raise the ${name} by this height`, () => step(1)),
         ...this.step.elements,
       ),
       this.step.message,

@@ -5,8 +5,6 @@ import { make, refuse } from "./dom.js";
 import { describe, sign, words } from "./names.js";
 import { Quantity, showParameter } from "./quantity.js";
 
-const SWITCHED = ["off", "on"];
-
 export class Parameters extends EventTarget {
   #staged = new Map();
   #before = null; // active values before the last change
@@ -100,7 +98,7 @@ export class Parameters extends EventTarget {
       {},
       name,
       ...cells.map((cell) => make("td", {}, cell)),
-      make("td", { textContent: `now ${isSwitch ? SWITCHED[one.value] : showParameter(one)}` }),
+      make("td", { textContent: `now ${showParameter(one)}` }),
       make("td", { className: "soft", textContent: isSwitch ? "off or on" : field.range() }),
       make("td", { className: "soft", textContent: one.doc }),
     );

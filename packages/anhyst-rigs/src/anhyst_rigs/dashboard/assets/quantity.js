@@ -1,5 +1,6 @@
 // A number with a unit: "0.2 mm", "200 um" and "200" are the same if the field shows micrometres.
 
+import { NAME as COMPENSATION } from "./compensation.js";
 import { make } from "./dom.js";
 import { isUsual, shown } from "./units.js";
 
@@ -17,6 +18,7 @@ export function unitFor({ unit, low, high, value = 0 }) {
 
 // Returns the value of a parameter with its unit.
 export function showParameter(one) {
+  if (one.name === COMPENSATION) return one.value ? "on" : "off";
   const { name, factor } = unitFor(one);
   return `${Number((one.value * factor).toPrecision(5))}${name && ` ${name}`}`;
 }

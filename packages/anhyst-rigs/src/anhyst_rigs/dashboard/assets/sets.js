@@ -1,6 +1,9 @@
 // Parameter sets: saves the active values under a name, compares two sets, stages a set.
 
+import { NAME as COMPENSATION } from "./compensation.js";
 import { field, make, refuse } from "./dom.js";
+import { describe } from "./names.js";
+import { showParameter } from "./quantity.js";
 
 const ACTIVE = "active values";
 
@@ -57,7 +60,10 @@ export class Sets {
 
   async stage() {
     const name = this.second.value;
-    if (name === ACTIVE) return;
+    if (name === ACTIVE) {
+      this.note.textContent = "choose a saved set as the second";
+      return;
+    }
     const answer = await this.order("read set", { name });
     if (!answer) return;
     this.parameters.stage(answer.differing);
@@ -70,12 +76,11 @@ export class Sets {
     const held = await Promise.all([this.first, this.second].map((one) => this.#values(one.value)));
     if (held.some((one) => one === null)) return;
     const [first, second] = held;
-    const names = [...new Set([...Object.keys(first), ...Object.keys(second)])];
-    const differing = names.filter((name) => first[name]?.value !== second[name]?.value);
+    const differing = this.parameters.parameters.filter(({ name }) => first[name]?.value !== second[name]?.value);
     const head = ["", this.first.value, this.second.value, "difference"];
     this.rows.replaceChildren(
       make("tr", {}, ...head.map((text) => make("th", { textContent: text }))),
-      ...differing.map((name) => row(name, first[name], second[name])),
+      ...differing.map((one) => row(one, first[one.name], second[one.name])),
     );
     this.note.textContent = differing.length ? "" : "the values are equal";
   }
@@ -87,20 +92,15 @@ export class Sets {
   }
 }
 
-function row(name, first, second) {
-  const unit = (first ?? second).unit;
-  const text = (one) => (one ? `${short(one.value)} ${one.unit}` : "–");
-  const both = first && second && first.unit === second.unit;
-  const difference = both ? `${short(second.value - first.value)} ${unit}` : "–";
-  const cells = [text(first), text(second), difference];
+// Returns a row with a parameter in two sets and its difference; a set need not contain it.
+function row(parameter, first, second) {
+  const text = (value) => showParameter({ ...parameter, value });
+  const isNumber = first && second && parameter.name !== COMPENSATION;
+  const cells = [...[first, second].map((one) => (one ? text(one.value) : "–")), isNumber ? text(second.value - first.value) : "–"];
   return make(
     "tr",
     {},
-    make("th", { textContent: name, scope: "row" }),
+    make("th", { textContent: describe(parameter).label, scope: "row", title: parameter.name }),
     ...cells.map((one) => make("td", { textContent: one })),
   );
-}
-
-function short(value) {
-  return String(Number(value.toPrecision(6)));
 }

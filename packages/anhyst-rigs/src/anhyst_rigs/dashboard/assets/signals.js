@@ -32,6 +32,9 @@ export function signalChoice(bench, name, ariaLabel, properties = {}) {
   return element;
 }
 
+// Returns the column of the phase of a levitated body, or -1 if no body levitates.
+export const phaseColumn = (bench) => Math.max(columnOf(bench, "phase"), columnOf(bench, "flight"));
+
 // Adds the column, the readable name, the symbol, the line and the names of its values to each signal of a bench.
 export function label(bench) {
   chooseNames(bench);

@@ -1,7 +1,7 @@
 // The slider panel: the target, the load drive, or a parameter, as a field with a slider.
 
 import { make } from "./dom.js";
-import { describe } from "./names.js";
+import { aimName, describe } from "./names.js";
 import { Quantity } from "./quantity.js";
 
 const SEND_MS = 50; // delay of an order, which a further movement restarts
@@ -52,7 +52,7 @@ function adjustable(bench, parameters) {
   const { aim, load_most: most } = bench;
   const middle = Math.min(aim.high, Math.max(aim.low, aim.value));
   const found = new Map([
-    ["target", { label: "Target", ...range(aim), now: ({ target }) => target ?? middle, order: "target", fields: (value) => ({ value }) }],
+    ["target", { label: aimName(bench), ...range(aim), now: ({ target }) => target ?? middle, order: "target", fields: (value) => ({ value }) }],
   ]);
   if (most) found.set("load", { label: "Load force", unit: "N", low: -most, high: most, now: ({ load }) => load ?? 0, order: "load", fields: (value) => ({ value }) });
   for (const one of bench.parameters) {

@@ -51,7 +51,7 @@ export class StateBar {
       this.#arrange(main);
       if (focused) this.buttons.get(focused)?.focus();
     }
-    if (!main) this.note.textContent = name === "run" ? runningHint(refused.target) : "Wait until this state ends.";
+    if (!main) this.note.textContent = name === "run" ? runningHint(refused.target, this.bench.aim) : "Wait until this state ends.";
     for (const [command, button] of this.buttons) refuse(button, refused[command]);
     const shown = { init: "idle", selftest: "idle" }[name] ?? name;
     const order = [...this.states.keys()];
@@ -64,6 +64,6 @@ export class StateBar {
 }
 
 // Returns what the user can do while the rig runs, or why the target is refused.
-function runningHint(refusal) {
-  return refusal ? `Running. ${inWords(refusal)}.` : "Running: set a target, or start the generator.";
+function runningHint(refusal, { is_offset: isOffset }) {
+  return refusal ? `Running. ${inWords(refusal)}.` : `Running: set ${isOffset ? "an offset" : "a target"}, or start the generator.`;
 }

@@ -8,6 +8,8 @@ import { show } from "./units.js";
 
 const HEADS = ["Settings", "Height", "Noise before", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
 const MIN_SHOWN_S = 0.005; // shortest time axis
+const HINT = "No steps yet. Set another target while the rig runs, or start the step of the generator.";
+const MOVING_HINT = "No steps yet. A step needs a reference that is constant before and after it; a running motion has none.";
 const TIMES = " × "; // between the name of a gain and its factor, in the label of a setting
 
 export class StepView {
@@ -20,7 +22,7 @@ export class StepView {
     const clear = make("button", { textContent: "Clear", title: "Remove all steps", onclick: () => finder.clear() });
     this.hint = make("output", {
       className: "reading",
-      textContent: "No steps yet. Set another target while the rig runs, or start the step of the generator.",
+      textContent: bench.aim.is_offset ? MOVING_HINT : HINT,
     });
     const figure = make("figure");
     this.rows = make("tbody");

@@ -2,8 +2,10 @@
 // when the user first opens it.
 
 import { register } from "./panels.js";
+import { phaseColumn } from "./signals.js";
 
 const hasCommands = (bench) => bench.commands.length > 0; // a foreign firmware has none
+const levitates = (bench) => hasCommands(bench) && bench.aim.unit === "m" && phaseColumn(bench) >= 0;
 const hasBoth = (bench) => Boolean(bench.learns && bench.limits); // learning and improvement have separate views
 
 const improve = async (place, { bench, order }) => new (await import("./improve.js")).Improve(place, bench, order);
@@ -39,7 +41,7 @@ export const VIEWS = [
   {
     name: "levitation",
     key: "7",
-    offered: hasCommands,
+    offered: levitates,
     make: async (place, { bench, store }) => new (await import("./levitation.js")).LevitationView(place, bench, store),
   },
   {

@@ -229,7 +229,12 @@ class BearingBench(LockStepBench):
         self.bearing = bearing or make_plant(rig, 0)
         self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m
-        self.demand_range = DemandRange("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
+        stops = rig.settings.body
+        gap_low, gap_high = (
+            max(limits.gap_low_m, stops.stop_low_m),
+            min(limits.gap_high_m, stops.stop_high_m),
+        )
+        self.demand_range = DemandRange("gap", "reference", "m", gap_low, gap_high, gap)
         self.max_load, self.rest_load = limits.force_high_N, rig.settings.load.force_N
         self._injected = InjectedSignal()
         self.injection_port = make_injection_port(setup)

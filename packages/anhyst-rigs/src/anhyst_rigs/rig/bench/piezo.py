@@ -67,7 +67,13 @@ class PiezoBench(CycleBench):
         # largest displacement in the measured loops, m
         self._max_displacement = inverses[0].scales.demand
         self.demand_range = DemandRange(
-            "position", "reference", "m", -case.low_m, self._max_displacement - case.low_m, 0.0
+            "position",
+            "reference",
+            "m",
+            -case.low_m,
+            self._max_displacement - case.low_m,
+            0.0,
+            is_offset=True,
         )
         self._values = {
             "compensation": 1.0,
@@ -229,7 +235,7 @@ class PiezoBench(CycleBench):
         if highest_displacement > self._max_displacement * (1.0 + 1e-9):
             raise InputError(
                 f"the stage would go to {1e6 * highest_displacement:.3g} um, the stack to "
-                f"{1e6 * self._max_displacement:.3g} um; lower the target or the stroke",
+                f"{1e6 * self._max_displacement:.3g} um; lower the offset or the stroke",
                 code="out-of-range",
             )
 

@@ -113,6 +113,7 @@ class DemandRange(NamedTuple):
     low: float  # permitted range, including both ends
     high: float
     value: float  # demand at the time when the bench was opened
+    is_offset: bool = False  # whether the demand is added to a motion that the bench repeats
 
     def check(self, value: float) -> None:
         """Raise an InputError if a demand is outside the range."""

@@ -157,7 +157,9 @@ class StageBench(CycleBench):
         self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # active value of each push, N or N m
         # A step of the target by this offset immediately demands the largest force.
         max_offset = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
-        self.demand_range = DemandRange("position", "reference", "m", -max_offset, max_offset, 0.0)
+        self.demand_range = DemandRange(
+            "position", "reference", "m", -max_offset, max_offset, 0.0, is_offset=True
+        )
         self._injected = InjectedSignal()
         self.injection_port = self._make_injection_port()
         self.setups = tuple(setups)  # setups without corrections, as read from the files

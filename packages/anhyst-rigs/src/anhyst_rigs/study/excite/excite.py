@@ -472,8 +472,7 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
         )
     if specimen.gaps and specimen.winding is None:
         notes.append(
-            "the rig file states no limits of the winding (excite.continuous_A, thermal_s): "
-            "its temperature is not monitored"
+            "the rig file states no limits of the winding in [excite], so its temperature is not monitored"
         )
     return notes
 

@@ -123,6 +123,8 @@ class BenchCalibrator:
 
     def __init__(self, bench: Bench, is_on: bool = False) -> None:
         self.is_on = is_on
+        # receives the reason if the calibration stops or pauses without an order
+        self.report: Callable[[str], None] = lambda _: None
         self.laps: deque[CycleResult] = deque(maxlen=MAX_SHOWN_CYCLES)
         self._clock = bench
         self._estimators: dict[MethodName, ParameterEstimator] = {}
@@ -135,7 +137,7 @@ class BenchCalibrator:
         """Switch the calibration on or off; corrections that are applied remain."""
         if is_on and (refusal := self._refusal):
             raise refusal
-        self.is_on, self._start_tick = is_on, self._clock.tick
+        self.is_on, self._start_tick, self._stop_reason = is_on, self._clock.tick, ""
 
     def revert(self) -> int:
         """Delete all estimates, and return the tick. The bench's thread must call this method."""
@@ -173,8 +175,9 @@ class BenchCalibrator:
         raise NotImplementedError  # pragma: no cover
 
     def _stop(self, reason: str) -> None:
-        """Stop the calibration, and show the reason."""
+        """Stop the calibration, and report the reason."""
         self._stop_reason, self.is_on = f"calibration stopped: {reason}", False
+        self.report(self._stop_reason)
 
     def _record_cycle(self, cycle: CycleResult, estimator: ParameterEstimator | None) -> None:
         """Store the data of a cycle that a page shows."""
@@ -374,6 +377,8 @@ class StageCalibrator(BenchCalibrator):
         )
 
 
+PAUSE_TEXT = "learning pauses, because the compensation is off; switch it on to continue"
+"""Message of a bearing that learns while its compensation is off."""
 WINDOW_S = 1.0
 """Length of the window that is processed at a time for a bearing, s."""
 TAIL_S = 0.1
@@ -412,6 +417,8 @@ class BearingCalibrator(BenchCalibrator):
         self._corrections: Corrections = {}
         self._is_waiting = False  # whether it waits until the armature rests without current
         self._was_worse = False  # whether the last window was worse than without corrections
+        self._uncompensated_tick = -1  # last tick at which the compensation was off
+        self._is_compensated = True
 
     def revert(self) -> int:
         """Delete all estimates, and activate the initial block."""
@@ -420,11 +427,27 @@ class BearingCalibrator(BenchCalibrator):
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows in addition to the cycle results."""
-        wait_text = "rows are missing, so the hysteresis state is unknown; land and lift again"
+        wait_text = ""
+        if self.is_on and not self._is_compensated:
+            wait_text = PAUSE_TEXT
+        elif self._is_waiting:
+            wait_text = "rows are missing, so the hysteresis state is unknown; land and lift again"
         status = super().status()
-        return {**status, "trouble": status["trouble"] or (wait_text if self._is_waiting else "")}
+        return {**status, "trouble": status["trouble"] or wait_text}
+
+    def _monitor_compensation(self, tick: int) -> None:
+        """Note whether the compensation is off at a tick, because the force error then has another cause."""
+        was_compensated = self._is_compensated
+        self._is_compensated = any(
+            parameter.value for parameter in self._bench.parameters() if parameter.name == "compensation"
+        )
+        if not self._is_compensated:
+            self._uncompensated_tick = tick
+        if self.is_on and self._is_compensated != was_compensated:
+            self.report("learning continues" if self._is_compensated else PAUSE_TEXT)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
+        self._monitor_compensation(int(rows[-1, 0]))
         if len(self._buffer) == 1:  # first rows, or rows are missing: wait until no current flows
             self._history_rows = self._history_rows[:0]
             self._is_waiting = bool(rows[0, self._column_indices["command_A"]] > 0.0)
@@ -445,6 +468,9 @@ class BearingCalibrator(BenchCalibrator):
     def _process_window(self, table: FloatArray, run_on_bench: RunOnBench) -> None:
         """Update the estimate from one window, and activate the corrections."""
         if self._refusal is not None:
+            return
+        if table[0, 0] <= self._uncompensated_tick:
+            self._was_worse = False
             return
         setup = self._setup
         law = self._law = self._law or BearingLaw(setup.rig, setup.controller, self._magnet, self._method)
