@@ -396,5 +396,6 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
 
 
 def describe_parameters(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the descriptions of the parameters for a page."""
-    return [parameter._asdict() for parameter in session.parameters]
+    """Return the descriptions of the parameters for a page, with the first known value of each."""
+    first = session.first_values
+    return [{**parameter._asdict(), "first": first[parameter.name]} for parameter in session.parameters]

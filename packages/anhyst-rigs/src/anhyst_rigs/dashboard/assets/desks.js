@@ -1,6 +1,7 @@
 // The user's desks of a rig: their tabs, and how they are stored, exported and imported.
 
 import { download, make } from "./dom.js";
+import { kindOf } from "./panels.js";
 import { columnOf } from "./signals.js";
 
 const FORMAT = "anhyst-desks";
@@ -63,6 +64,7 @@ export class Desks {
 
   #add() {
     this.#store([...this.layouts, { name: `Desk ${this.layouts.length + 1}`, panels: [] }], this.layouts.length);
+    this.tabs.scrollLeft = this.tabs.scrollWidth;
   }
 
   #remove() {
@@ -97,6 +99,9 @@ export class Desks {
     if (wrong) return notify(`${file.name}: ${wrong}`);
     for (const derived of content.derived ?? [])
       if (columnOf(bench, derived.name) < 0) await order("derive", derived);
+    const unknown = new Set(content.desks.flatMap(({ panels }) => panels.map(({ kind }) => kind)).filter((kind) => !kindOf(kind)));
+    for (const desk of content.desks) desk.panels = desk.panels.filter(({ kind }) => !unknown.has(kind));
+    if (unknown.size) notify(`${file.name}: imported without the panels of unknown kind: ${[...unknown].join(", ")}`);
     return this.#store(content.desks, 0);
   }
 }

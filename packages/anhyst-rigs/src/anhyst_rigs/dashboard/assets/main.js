@@ -45,7 +45,9 @@ link.addEventListener("lost", (event) => lost(event.detail));
 // passes `show`, and returns null.
 async function order(what, fields, show = notify) {
   try {
-    return await link.order(what, fields);
+    const answer = await link.order(what, fields);
+    notices.settle();
+    return answer;
   } catch (refused) {
     show(refused.message);
     if (show !== notify) record(refused.message);
@@ -186,9 +188,7 @@ function status(now) {
   role(now);
   if (!now.refused.derive) restoreDerived();
   for (const { tick, who, text } of now.log) notices.write(inPlainWords(text, bench), who, tick, bench.rate);
-  if (now.ended) notices.show(now.ended, true);
-  else if (now.lost) notices.show(`${now.lost}; looking for it`, true);
-  else if (now.waits_for) notices.show(`the bench waits for ${now.waits_for}`);
+  notices.keep(now.ended || (now.lost && `${now.lost}; looking for it`) || (now.waits_for && `the bench waits for ${now.waits_for}`) || "");
 }
 
 function recorded(file) {
@@ -219,13 +219,14 @@ function role({ operator, asking, browsers }) {
   const key = [mine, asking, operator, browsers].join();
   if (at("role").dataset.key === key) return;
   at("role").dataset.key = key;
-  const parts = [
-    make("b", { textContent: mine ? "You operate" : `Browser ${operator} operates, you watch` }),
-  ];
+  if (page.asked && !mine && asking !== page.bench.you) notify("Control was not handed over. You can request it again.");
+  page.asked = asking === page.bench.you;
+  const watching = operator ? `Browser ${operator} operates, you watch` : "Nobody operates";
+  const parts = [make("b", { textContent: mine ? "You operate" : watching })];
   if (browsers > 1) parts.push(` (${browsers} browsers) `);
   const button = (text, act) => parts.push(make("button", { textContent: text, onclick: act }));
   if (!mine && !asking) button("Take over", () => order("ask"));
-  if (!mine && asking === page.bench.you) parts.push(" asked; waits 10 s at most");
+  if (page.asked) parts.push(" Control requested, at most 10 s");
   if (mine && asking) {
     button(`Hand over to browser ${asking}`, () => order("hand over", { yes: true }));
     button("Keep", () => order("hand over", { yes: false }));
@@ -236,7 +237,7 @@ function role({ operator, asking, browsers }) {
 function lost(reason) {
   document.body.classList.add("lost");
   at("state").textContent = "not connected";
-  notices.show(`not connected${reason ? `: ${reason}` : ""}; trying again`, true);
+  notices.keep(`not connected${reason ? `: ${reason}` : ""}; trying again`);
 }
 
 function askToken() {
@@ -289,7 +290,7 @@ async function save(kind) {
   const title = `${bench.title}, ${desk?.layout.name ?? view}, tick ${store.newest}`;
   const draw = () => picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]);
   download(name, kind === "csv" ? new Blob([csv(shown.table())], { type: "text/csv" }) : await draw());
-  notices.show(`saved as ${name}`, false, SHORT_NOTICE_MS);
+  notices.show(`saved as ${name}`, SHORT_NOTICE_MS);
 }
 
 // Returns the local date and time for the name of a file, such as 20261130-132200.

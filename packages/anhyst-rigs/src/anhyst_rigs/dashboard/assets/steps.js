@@ -71,7 +71,7 @@ export class StepView {
     const rows = this.#cells().map((cells, n) => {
       const swatch = make("i", { className: "swatch" });
       swatch.style.background = COLOURS[n];
-      return make("tr", {}, make("td", {}, swatch), ...cells.map((text) => make("td", { textContent: text })));
+      return make("tr", {}, make("td", {}, swatch), ...cells.map(cell));
     });
     this.rows.replaceChildren(...rows);
   }
@@ -109,6 +109,12 @@ function inFull(labels) {
   const gains = (label) => label.split(", ").filter((part) => part.includes(TIMES)).map((part) => part.split(TIMES)[0]);
   const all = [...new Set(labels.flatMap(gains))];
   return labels.map((label) => [label, ...all.filter((gain) => !gains(label).includes(gain)).map((gain) => `${gain}${TIMES}1`)].join(", "));
+}
+
+// Returns a cell of the table; a range is in one line.
+function cell(text) {
+  const at = text.indexOf(" (") + 1 || text.length;
+  return make("td", {}, text.slice(0, at), make("span", { textContent: text.slice(at) }));
 }
 
 // Returns the mean and the range of the finite values as text.
