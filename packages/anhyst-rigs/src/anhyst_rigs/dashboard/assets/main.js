@@ -219,14 +219,15 @@ function role({ operator, asking, browsers }) {
   const key = [mine, asking, operator, browsers].join();
   if (at("role").dataset.key === key) return;
   at("role").dataset.key = key;
-  if (page.asked && !mine && asking !== page.bench.you) notify("Control was not handed over. You can request it again.");
+  if (page.asked && !mine && asking !== page.bench.you) notify(`Browser ${operator} keeps control; you can ask again`);
   page.asked = asking === page.bench.you;
   const watching = operator ? `Browser ${operator} operates, you watch` : "Nobody operates";
   const parts = [make("b", { textContent: mine ? "You operate" : watching })];
-  if (browsers > 1) parts.push(` (${browsers} browsers) `);
+  if (browsers > 1) parts.push(make("span", { textContent: ` (${browsers} browsers)` }));
+  parts.push(" ");
   const button = (text, act) => parts.push(make("button", { textContent: text, onclick: act }));
   if (!mine && !asking) button("Take over", () => order("ask"));
-  if (page.asked) parts.push(" Control requested, at most 10 s");
+  if (page.asked) parts.push("Control requested; wait at most 10 s");
   if (mine && asking) {
     button(`Hand over to browser ${asking}`, () => order("hand over", { yes: true }));
     button("Keep", () => order("hand over", { yes: false }));

@@ -111,10 +111,10 @@ function inFull(labels) {
   return labels.map((label) => [label, ...all.filter((gain) => !gains(label).includes(gain)).map((gain) => `${gain}${TIMES}1`)].join(", "));
 }
 
-// Returns a cell of the table; a range is in one line.
-function cell(text) {
-  const at = text.indexOf(" (") + 1 || text.length;
-  return make("td", {}, text.slice(0, at), make("span", { textContent: text.slice(at) }));
+// Returns a cell of the table. A line may break before a range, and everywhere in the first column.
+function cell(text, n) {
+  const parts = text.split(/(?<= )(?=\()/).map((part) => make("span", { textContent: part }));
+  return make("td", {}, ...(n ? parts : [text]));
 }
 
 // Returns the mean and the range of the finite values as text.
