@@ -318,11 +318,7 @@ class LiveServer:
         client.sent_log_entries = self.session.log_entry_count
         status = self.session.status()
         if reason := self.desk.refusal_reason(client.number):
-            status = {
-                **status,
-                "refused": refuse_all_orders(self.session.bench, reason),
-                "next": "",
-            }
+            status = {**status, "refused": refuse_all_orders(self.session.bench, reason), "next": ""}
         return {
             "kind": "status",
             **status,

@@ -113,7 +113,7 @@ function inFull(labels) {
 
 // Returns a cell of the table. A line may break before a range, and everywhere in the first column.
 function cell(text, n) {
-  const parts = text.split(/(?<= )(?=\()/).map((part) => make("span", { textContent: part }));
+  const parts = text.split(/( )(?=\()/).map((part) => (part === " " ? part : make("span", { textContent: part })));
   return make("td", {}, ...(n ? parts : [text]));
 }
 
