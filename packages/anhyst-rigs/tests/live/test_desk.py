@@ -89,6 +89,7 @@ def test_the_list_is_searched_and_a_signal_is_dragged_into_the_plot(page: Page) 
     page.locator("#signal-search").fill("no such thing")
     assert page.get_by_text("No signal has this name.").is_visible()
     page.locator("#signal-search").fill("")
+    until(page, "document.querySelector('[data-signal=flux_density] input').checked")
     page.locator("#signal-list").get_by_label("flux_density", exact=True).uncheck()
     assert not seen(page, "page.scope.plot.names.has('flux_density')")
 
