@@ -397,5 +397,4 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
 
 def describe_parameters(session: LiveSession) -> list[dict[str, Any]]:
     """Return the descriptions of the parameters for a page, with the first known value of each."""
-    first = session.first_values
-    return [{**parameter._asdict(), "first": first[parameter.name]} for parameter in session.parameters]
+    return [{**one._asdict(), "first": session.first_values[one.name]} for one in session.parameters]

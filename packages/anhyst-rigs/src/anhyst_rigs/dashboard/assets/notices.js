@@ -36,7 +36,7 @@ export class Notices {
     this.#state = text;
     if (text) this.#put(text, text);
     else if (this.#lasting) this.hide();
-    this.#lasting = true;
+    this.#lasting = Boolean(text);
   }
 
   #put(text, words) {
