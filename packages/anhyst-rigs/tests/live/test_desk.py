@@ -89,8 +89,9 @@ def test_the_list_is_searched_and_a_signal_is_dragged_into_the_plot(page: Page) 
     page.locator("#signal-search").fill("no such thing")
     assert page.get_by_text("No signal has this name.").is_visible()
     page.locator("#signal-search").fill("")
-    until(page, "document.querySelector('[data-signal=flux_density] input').checked")
-    page.locator("#signal-list").get_by_label("flux_density", exact=True).uncheck()
+    box = page.locator("#signal-list").get_by_label("flux_density", exact=True)
+    wait_for(box.is_checked)
+    box.uncheck()
     assert not seen(page, "page.scope.plot.names.has('flux_density')")
 
 
@@ -250,6 +251,45 @@ def test_a_derived_signal_is_plotted_and_a_wrong_one_gives_its_reason(page: Page
     assert bearing.session.derived.definitions == ()
 
 
+def define(page: Page, name: str, expression: str) -> None:
+    page.evaluate("document.getElementById('derived').open = true")
+    for field, text in (("name", name), ("expression", expression), ("unit", "m")):
+        page.locator(f"#derived-{field}").fill(text)
+    page.locator("#derived-add").click()
+    until(page, f"window.anhyst.bench.signals.at(-1).name === '{name}'")
+
+
+def test_the_page_goes_on_after_a_shown_derived_signal_was_deleted(page: Page) -> None:
+    define(page, "first", "2 * gap")
+    define(page, "second", "3 * gap")
+    page.select_option("#trigger-mode", "auto")
+    page.select_option("#trigger-signal", "second")
+    page.locator("[data-view=spectrum]").click()
+    page.select_option("#spectrum-signal", "second")
+    open_desk(page)
+    places = [f".{panel}-panel" for panel in ("number", "gauge", "loop")]
+    for place in places:
+        page.locator(".panel", has=page.locator(place)).locator("select").first.select_option("first")
+    page.get_by_role("button", name="delete first").click()
+    until(page, "window.anhyst.bench.signals.at(-1).name === 'second'")
+    for place in places:
+        page.locator(place, has_text="does not exist any more").wait_for()
+    assert seen(page, "page.scope.triggers.mode.value") == "auto"  # its column has moved
+    page.get_by_role("button", name="delete second").click()
+    until(page, "window.anhyst.scope.triggers.mode.value === 'off'")
+    options = page.locator("#trigger-signal, #spectrum-signal, #record-signal").locator("option")
+    assert not {"first", "second"} & set(options.evaluate_all("all => all.map((one) => one.value)"))
+    page.locator("[data-view=spectrum]").click()
+    until(page, "document.getElementById('spectrum-note').textContent.includes('does not exist any more')")
+    page.select_option("#spectrum-signal", "gap")
+    until(page, "document.getElementById('spectrum-note').textContent.includes('rms')")
+    open_desk(page)
+    for place, name in zip(places, ("gap", "current", "force"), strict=True):
+        page.locator(".panel", has=page.locator(place)).locator("select").first.select_option(name)
+    drawn = seen(page, "page.store.newest")
+    until(page, f"window.anhyst.scope.view.to > {drawn} + 2000")
+
+
 def test_a_field_accepts_units_and_states_its_range(page: Page, bearing: Served) -> None:
     target = page.locator("#target")
     message = page.locator("fieldset[data-order=target] .invalid").first
@@ -280,6 +320,12 @@ def test_a_parameter_beyond_its_range_cannot_be_staged(page: Page) -> None:
     page.get_by_label("Proportional gain", exact=True).fill("999999999")
     assert page.locator("#apply").is_disabled()
     assert "1.706 to 6.821 MN/m" in page.locator("#parameters .invalid").locator("visible=true").inner_text()
+    value = seen(page, "page.parameters.value('gain_p')")
+    page.get_by_label("Proportional gain", exact=True).fill("4")
+    page.get_by_label("Proportional gain", exact=True).fill("49")
+    page.keyboard.press("Control+Enter")  # 4 MN/m is staged, but is not what the field shows
+    page.wait_for_timeout(300)
+    assert seen(page, "page.parameters.value('gain_p')") == value
     page.get_by_label("Proportional gain", exact=True).fill("4000 kN/m")
     assert page.locator("#apply").is_enabled()
     page.get_by_role("button", name="Discard").click()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -225,6 +226,50 @@ def test_real_steps_are_shown_up_to_three_settling_times(page: Page) -> None:
     end = seen(page, "page.views.get('steps').plane.limits[1]")
     assert end == pytest.approx(1e3 * max(0.005, 3.0 * settling))
     assert end < 60.0
+
+
+def test_the_table_states_how_many_steps_did_not_settle(page: Page) -> None:
+    texts = page.evaluate(
+        """async () => {
+          const { StepView } = await import("/assets/steps.js");
+          const common = { label: "as compiled", height: 1e-5, noise: 1, overshoot: 0 };
+          const times = [[0.002, 0.005], [0.002, Infinity], [NaN, Infinity]];
+          const steps = times.map(([rise, settling]) => ({ ...common, rise, settling }));
+          const view = new StepView(document.createElement("div"), anhyst.bench, { settings: ["as compiled"], steps });
+          return view.words()[0].map(([text]) => text);
+        }"""
+    )
+    assert texts[-2:] == [
+        "Rise 10–90 %: 2.00 ms; 1 of 3 did not rise to 90 %",
+        "Settling to 5 %: 5.0 ms; 2 of 3 did not settle",
+    ]
+
+
+def test_a_step_beyond_the_range_does_not_block_the_next_one(page: Page) -> None:
+    page.locator("#target").fill("560")
+    page.locator("#go").click()
+    until(page, "Math.abs(window.anhyst.panel.activeTarget - 560e-6) < 1e-9")
+    page.locator("#step").fill("20")
+    page.locator("#step-up").click()
+    page.get_by_text("Choose 330 to").wait_for()
+    page.locator("#step-down").click()
+    until(page, "Math.abs(window.anhyst.panel.activeTarget - 540e-6) < 1e-9")
+    page.locator("#target").fill("450")
+    page.locator("#go").click()
+
+
+def test_a_recording_of_another_rig_is_refused_or_states_what_it_lacks(page: Page, tmp_path: Path) -> None:
+    path = tmp_path / "other.csv"
+    path.write_text("tick,t_s,gap_m,other_N\n" + "".join(f"{n},{n / 1e4},4e-4,1\n" for n in range(100)))
+    drop_file(page, "#scope .timeplot", path)
+    until(
+        page, "document.getElementById('notice').textContent.includes('10000 ticks per second, but this rig')"
+    )
+    path.write_text("tick,t_s,gap_m,other_N\n" + "".join(f"{n},{n / 2e4},4e-4,1\n" for n in range(100)))
+    drop_file(page, "#scope .timeplot", path)
+    entry = page.locator(".overlays .key span").first
+    entry.wait_for()
+    assert entry.inner_text().startswith("other.csv, only 1 of 21 signals: wide pale line")
 
 
 def test_the_recorder_says_what_it_has_written(page: Page, bearing: Served) -> None:

@@ -41,8 +41,13 @@ def seen(page: Page, text: str) -> Any:
 
 
 def until(page: Page, condition: str) -> None:
-    """Wait for a condition in the page; its security policy forbids Playwright's wait function."""
-    wait_for(lambda: page.evaluate(condition))
+    """Wait for a condition in the page; its security policy forbids Playwright's wait function.
+
+    A condition on an element that does not exist yet is false, because views load their code late.
+    """
+    reason = "if (error instanceof TypeError) return false; throw error;"
+    guarded = f"() => {{ try {{ return {condition}; }} catch (error) {{ {reason} }} }}"
+    wait_for(lambda: page.evaluate(guarded))
 
 
 def ready(page: Page) -> None:

@@ -189,7 +189,7 @@ def test_choices_for_this_rig_survive_a_reload(page: Page) -> None:
     ready(page)
     assert page.locator("#loop").is_visible()
     page.keyboard.press("1")
-    assert page.get_by_role("checkbox", name="velocity").is_checked()
+    wait_for(page.get_by_role("checkbox", name="velocity").is_checked)
     assert seen(page, "page.scope.window") == 0.2
     of_rig = page.evaluate("Object.keys(localStorage).filter((one) => one !== 'anhyst.theme')")
     assert of_rig

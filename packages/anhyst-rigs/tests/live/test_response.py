@@ -20,7 +20,7 @@ from anhyst_rigs.study.response.measurement import measure_response
 from anhyst_rigs.study.response.result import read_response
 from anhyst_rigs.study.response.virtual import hold_body
 from tests.live.conftest import Serve, Show, wait_for
-from tests.live.test_page import lift
+from tests.live.test_page import lift, until
 from tests.refusals import refused
 from tests.rig.test_stage_bench import setups
 
@@ -149,6 +149,12 @@ def test_the_page_measures_and_saves_a_response(serve: Serve, show: Show, tmp_pa
     found, measured = read_response(tmp_path / "response.csv"), served.session.meter.result
     assert measured is not None
     assert found.facts() == measured.facts()
+    until(page, "document.querySelector('#bode canvas').ariaLabel === 'Magnitude / dB over Frequency / Hz'")
+    page.locator("#bode select").select_option("plant")
+    until(page, "document.querySelector('#bode canvas').ariaLabel.startsWith('Magnitude / dB re 1 m/')")
+    page.locator("#bode figure").first.focus()
+    page.keyboard.press("ArrowRight")
+    until(page, "/± [0-9.]+ dB re 1 m./.test(document.querySelector('#bode .bode output').textContent)")
     page.set_viewport_size({"width": 390, "height": 844})
     box = page.locator("#bode figure").first.bounding_box()
     assert box is not None

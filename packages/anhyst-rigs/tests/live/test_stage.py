@@ -404,9 +404,12 @@ def test_the_page_groups_estimates_of_a_body_by_kind_and_magnet(serve: Serve, sh
     press(page, "learn from the motion")
     page.wait_for_selector("#learnt tbody tr")
     heads = page.locator("#learnt tbody th").all_inner_texts()
-    assert {head.rpartition("_")[0] for head in heads} == {"scale"}
+    assert {head.partition(",")[0] for head in heads} == {"Scale error"}
     page.select_option("#learnt-kind", label="magnet x2")
-    assert page.locator("#learnt tbody th").all_inner_texts() == ["scale_2", "gap_zero_2_m"]
+    assert page.locator("#learnt tbody th").all_inner_texts() == [
+        "Scale error, magnet x2",
+        "Zero of the gap, magnet x2",
+    ]
     page.select_option("#learnt-kind", "body")
-    assert "centre_z_m" in page.locator("#learnt tbody th").all_inner_texts()
+    assert "Centre of mass, z" in page.locator("#learnt tbody th").all_inner_texts()
     page.keyboard.press("Escape")

@@ -111,6 +111,7 @@ export class BodePanel {
       const shown = curves.map((curve) => curve[kind].filter((value) => value !== null));
       const zones = kind === "decibel" && names.includes("sensitivity") ? ZONES.map(([, peak]) => decibel(peak)) : [];
       const [low, high] = kind === "coherence" ? [0, 1.05] : kind === "phase" ? rightAngles(limits(...shown)) : limits(...shown, zones, zones.slice(-1).map((level) => level + ZONE_TEXT_DB));
+      if (kind === "decibel") plane.labels[1] = `Magnitude / dB${curves[0].reference}`;
       if (kind === "phase") plane.yStep = high - low > MAX_FINE_PHASE_DEG ? 180 : 90;
       plane.begin([xs[0], xs.at(-1), low, high]);
       for (const level of zones) plane.line([xs[0], xs.at(-1)], [level, level], ink("--soft"), 1, 0.6);
@@ -172,6 +173,7 @@ function readings({ margins, zone, facts }) {
 function curveOf({ columns, plant_unit: unit }, name) {
   const key = name === "plant" ? `plant_${unit.replace("/", "_per_")}` : name;
   return {
+    reference: name === "plant" ? ` re 1 ${unit}` : "",
     decibel: columns[key].map((value) => (value === null ? null : decibel(value))),
     phase: columns[`${name}_deg`],
     coherence: columns[`${name}_coherence`],
@@ -209,8 +211,8 @@ function nearest(xs, x) {
   return best;
 }
 
-function valueText({ decibel: size, phase, coherence, uncertainty }, at) {
+function valueText({ reference, decibel: size, phase, coherence, uncertainty }, at) {
   const low = `coherence ${coherence[at].toFixed(3)}`;
   if (size[at] === null) return `no value, ${low} is too low`;
-  return `${size[at].toFixed(1)} ± ${uncertainty[at].toFixed(1)} dB, ${phase[at].toFixed(1)}°, ${low}`;
+  return `${size[at].toFixed(1)} ± ${uncertainty[at].toFixed(1)} dB${reference}, ${phase[at].toFixed(1)}°, ${low}`;
 }

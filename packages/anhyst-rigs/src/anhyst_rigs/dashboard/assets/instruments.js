@@ -3,7 +3,7 @@
 import { Plane, atLeast, limits } from "./canvas.js";
 import { VERMILION } from "./colours.js";
 import { make } from "./dom.js";
-import { columnOf, hint, leastSpan, reading } from "./signals.js";
+import { NO_SIGNAL, columnOf, hint, leastSpan, reading, signalChoice, signalOf } from "./signals.js";
 import { TimePlot } from "./timeplot.js";
 import { show, shown } from "./units.js";
 
@@ -20,14 +20,6 @@ function paced(act, interval = UPDATE_MS) {
     due = now + interval;
     act();
   };
-}
-
-// Returns a selection of a signal; `chosen` receives its name.
-function signalChoice(bench, name, label, chosen) {
-  const options = bench.signals.map((one) => make("option", { value: one.name, textContent: one.label, selected: one.name === name }));
-  const element = make("select", { onchange: () => chosen(element.value) }, ...options);
-  element.setAttribute("aria-label", label);
-  return element;
 }
 
 // Returns the mean, the rms about it, and the extremes of a column within the window.
@@ -61,10 +53,12 @@ export function loop({ bench, scope }, settings, save) {
   const plane = new Plane(figure, "", "");
   const choices = {};
   const choose = (axis, name) => {
-    chosen[axis] = choices[axis].value = name;
+    chosen[axis] = name;
+    choices[axis].choose(name);
     save({ ...chosen });
   };
-  for (const axis of ["x", "y"]) choices[axis] = signalChoice(bench, chosen[axis], `${axis} axis`, (name) => choose(axis, name));
+  for (const axis of ["x", "y"])
+    choices[axis] = signalChoice(bench, chosen[axis], `${axis} axis`, { onchange: () => choose(axis, choices[axis].value) });
   const points = () => {
     const { store } = scope;
     const first = store.find(scope.view.from);
@@ -72,11 +66,16 @@ export function loop({ bench, scope }, settings, save) {
     const every = Math.max(1, Math.ceil((end - first) / MAX_POINTS));
     const rows = Array.from({ length: Math.ceil((end - first) / every) }, (_, n) => first + n * every);
     return ["x", "y"].map((axis) => {
-      const signal = bench.signals[columnOf(bench, chosen[axis])];
+      const signal = signalOf(bench, chosen[axis]);
       return { signal, values: rows.map((row) => store.value(signal.column, row)) };
     });
   };
+  const missing = make("p", { className: "empty", textContent: NO_SIGNAL });
   const draw = paced(() => {
+    const exists = has(chosen.x) && has(chosen.y);
+    missing.hidden = exists;
+    figure.hidden = !exists;
+    if (!exists) return;
     const [x, y] = points().map(({ signal, values }) => {
       const { factor, name } = shown(signal.unit);
       return { signal, name, values: values.map((value) => value * factor), least: leastSpan(bench, scope.store, signal.unit) * factor };
@@ -87,11 +86,11 @@ export function loop({ bench, scope }, settings, save) {
     if (x.values.length) plane.dot(x.values.at(-1), y.values.at(-1), VERMILION);
   }, 50);
   return {
-    element: figure,
+    element: make("div", { className: "loop-panel" }, missing, figure),
     tools: [choices.y, "over", choices.x],
     draw,
     drop: (name) => choose("y", name),
-    table: () => Object.fromEntries(points().map(({ signal, values }) => [signal.head, values])),
+    table: () => Object.fromEntries((has(chosen.x) && has(chosen.y) ? points() : []).map(({ signal, values }) => [signal.head, values])),
   };
 }
 
@@ -100,19 +99,27 @@ export function number(context, settings, save) {
   let name = settings.signal ?? bench.aim.signal;
   const value = make("output", { className: "big" });
   const range = make("output", { className: "reading" });
-  const choice = signalChoice(bench, name, "signal", (chosen) => choose(chosen));
+  const choice = signalChoice(bench, name, "signal", { onchange: () => choose(choice.value) });
   const choose = (chosen) => {
-    name = choice.value = chosen;
+    name = chosen;
+    choice.choose(name);
     save({ signal: name });
   };
   const draw = paced(() => {
-    const signal = bench.signals[columnOf(bench, name)];
+    const signal = signalOf(bench, name);
+    if (!signal) return showMissing(value, range);
     const { now, mean, rms } = statistics(context, signal.column);
     value.textContent = reading(signal, now);
     value.title = hint(signal);
     range.textContent = signal.values ? "" : `mean ${show(mean, signal.unit, 6)}, rms about it ${show(rms, signal.unit, 3)}`;
   });
   return { element: make("div", { className: "number-panel" }, value, range), tools: [choice], draw, drop: choose };
+}
+
+// Shows that the signal of a panel does not exist.
+function showMissing(value, note) {
+  value.textContent = "–";
+  note.textContent = NO_SIGNAL;
 }
 
 export function gauge(context, settings, save) {
@@ -122,14 +129,16 @@ export function gauge(context, settings, save) {
   const bar = make("i");
   const value = make("output", { className: "big" });
   const ends = make("div", { className: "ends" }, make("span"), make("span"));
-  const choice = signalChoice(bench, name, "signal", (chosen) => choose(chosen));
+  const choice = signalChoice(bench, name, "signal", { onchange: () => choose(choice.value) });
   const choose = (chosen) => {
-    name = choice.value = chosen;
+    name = chosen;
+    choice.choose(name);
     most = 0;
     save({ signal: name });
   };
   const draw = paced(() => {
-    const signal = bench.signals[columnOf(bench, name)];
+    const signal = signalOf(bench, name);
+    if (!signal) return showMissing(value, ends.firstChild);
     const now = store.value(signal.column, store.count - 1);
     most = Math.max(most, store.largest(signal.column, Math.max(0, store.count - bench.rate)));
     const [low, high] = gaugeRange(bench, signal, most);
@@ -157,9 +166,10 @@ export function table(context, settings, save) {
   const body = make("tbody");
   const heads = ["Signal", "Now", "Mean", "Rms about mean", "Peak to peak"];
   const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text, scope: "col" })));
-  const add = signalChoice(bench, "", "add a signal to the table", (name) => keep([...new Set([...names, name])]));
+  const include = (name) => keep([...new Set([...names, name])]);
+  const add = signalChoice(bench, "", "add a signal to the table", { onchange: () => include(add.value) });
   const row = (name) => {
-    const signal = bench.signals[columnOf(bench, name)];
+    const signal = signalOf(bench, name);
     const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });
     remove.ariaLabel = `remove ${signal.label}`;
     const cells = heads.slice(1).map(() => make("td"));
@@ -172,7 +182,7 @@ export function table(context, settings, save) {
     save({ signals: names });
   };
   const draw = paced(() => {
-    const signals = names.map((name) => bench.signals[columnOf(bench, name)]).filter(Boolean);
+    const signals = names.map((name) => signalOf(bench, name)).filter(Boolean);
     if (listed !== bench.signals) body.replaceChildren(...signals.map(({ name }) => row(name)));
     listed = bench.signals;
     for (const [n, signal] of signals.entries()) {
@@ -182,5 +192,5 @@ export function table(context, settings, save) {
     }
   }, 250);
   const element = make("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "table of signals" }, make("table", {}, make("thead", {}, head), body));
-  return { element, tools: [add], draw, drop: (name) => keep([...new Set([...names, name])]) };
+  return { element, tools: [add], draw, drop: include };
 }

@@ -122,7 +122,7 @@ export class Learning {
         `${short(factor * applied)} ${unit}`,
         `± ${short(2 * factor * stated)} ${unit}`,
       ];
-      const head = make("th", { textContent: text + numberOf(name), scope: "row", title: name });
+      const head = make("th", { textContent: text + this.#magnetOf(name), scope: "row", title: name });
       head.style.color = colour(names.indexOf(name));
       return make("tr", {}, head, ...cells.map((cell) => make("td", { textContent: cell })));
     };
@@ -133,6 +133,12 @@ export class Learning {
       make("thead", {}, make("tr", {}, ...heads.map((text) => make("th", { textContent: text })))),
       make("tbody", {}, ...names.map(row)),
     );
+  }
+
+  // Returns the magnet of a parameter in words; empty for a parameter of the whole rig.
+  #magnetOf(name) {
+    const number = name.match(/_(\d+)/)?.[1];
+    return number ? `, magnet ${this.bench.body?.magnets[number - 1]?.name ?? number}` : "";
   }
 
   draw() {
@@ -206,7 +212,6 @@ export class Learning {
 }
 
 const kindOf = (name) => KINDS[name.replace(/_\d+/, "")];
-const numberOf = (name) => (/_\d+/.test(name) ? `, magnet ${name.match(/_(\d+)/)[1]}` : "");
 const colour = (n) => COLOURS[n % COLOURS.length];
 
 function short(value) {

@@ -132,6 +132,7 @@ function adopt(signals) {
   page.layouts.set(signals.length, signals.map((one) => one.name));
   bench.choices.set("derived", signals.filter((one) => one.expression).map(({ name, expression, unit }) => ({ name, expression, unit })));
   scope.arrange(signals.map((one) => old.findIndex(({ name }) => name === one.name)));
+  for (const choice of document.querySelectorAll("select.signalchoice")) choice.choose();
   scope.rebuild();
   list.build();
 }
@@ -354,9 +355,9 @@ function turnTab(event) {
 }
 
 function draw() {
+  requestAnimationFrame(draw); // first, so that an error in a view does not end the drawing
   shownView()?.draw?.();
   if (!at("signals").hidden) page?.list?.draw();
-  requestAnimationFrame(draw);
 }
 
 // Lists the tabs of the views that the bench has.

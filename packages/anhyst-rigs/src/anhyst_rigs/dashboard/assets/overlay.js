@@ -3,6 +3,8 @@
 import { readCsv, readMdf } from "./recordings.js";
 import { Store } from "./store.js";
 
+const MAX_RATE_ERROR = 0.01; // largest relative difference between the tick rates of a recording and the rig
+
 export class Overlay {
   shift = 0; // ticks from the recording's time to that of the bench
   crosses = false; // whether its crossing of the trigger level is aligned with the shown one
@@ -15,15 +17,22 @@ export class Overlay {
     if (!table.ticks.length) throw new Error("contains no rows");
     const columns = new Map();
     for (const signal of bench.signals) {
-      const values = table.columns.get(signal.head) ?? table.columns.get(signal.name);
+      const hasUnit = (table.units?.get(signal.name) ?? signal.unit) === signal.unit;
+      const values = table.columns.get(signal.head) ?? (hasUnit && table.columns.get(signal.name));
       if (values) columns.set(signal.name, values);
     }
     if (!columns.size) throw new Error("contains no signal of this bench");
-    return new Overlay(file.name, table.ticks, columns);
+    const rate = rateOf(table);
+    if (Math.abs(rate / bench.rate - 1) > MAX_RATE_ERROR)
+      throw new Error(`was recorded at ${Number(rate.toPrecision(3))} ticks per second, but this rig runs at ${bench.rate}`);
+    const measured = bench.signals.filter(({ expression }) => !expression);
+    const common = measured.filter(({ name }) => columns.has(name)).length;
+    const missing = common < measured.length ? `, only ${common} of ${measured.length} signals` : "";
+    return new Overlay(file.name + missing, table.ticks, columns);
   }
 
   constructor(name, ticks, columns) {
-    this.name = name;
+    this.name = name; // of the file, and how many signals it lacks
     this.ticks = ticks;
     this.columns = columns;
     this.order = new Map([...columns.keys()].map((signal, n) => [signal, n]));
@@ -70,4 +79,9 @@ export class Overlay {
     const trace = this.isOutside({ from, to }) ? none : this.store.envelope(columns, from - this.shift, to - this.shift, pixels);
     return { ...trace, signals: known, shift: this.shift };
   }
+}
+
+// Returns the number of ticks per second of a table; NaN if it has one row.
+function rateOf({ ticks, times }) {
+  return (ticks.at(-1) - ticks[0]) / (times.at(-1) - times[0]);
 }

@@ -57,9 +57,10 @@ export class Panel {
     const height = this.bench.choices.get("step SI", usual(aim, 0.1) / shown(aim.unit).factor);
     this.step = new Quantity({ unit: aim.unit, low: -range, high: range, id: "step", label: "height of a step", value: height });
     const step = (way) => {
-      if (this.step.value === null || this.target.value === null) return;
+      const from = this.target.check() ? this.target.value : this.activeTarget;
+      if (!this.step.check() || typeof from !== "number") return;
       this.bench.choices.set("step SI", this.step.value);
-      this.target.set(this.target.value + way * this.step.value);
+      this.target.set(from + way * this.step.value);
       go();
     };
     this.targetNow = make("output", { className: "reading" });

@@ -87,7 +87,7 @@ export class Parameters extends EventTarget {
     const spec = { ...one, label, value: this.#staged.get(one.name) ?? one.value };
     const field = new Quantity(spec, (value) => this.#stage(one, value));
     field.input.addEventListener("input", () => this.#refresh());
-    field.input.addEventListener("keydown", (event) => event.key === "Enter" && event.ctrlKey && this.apply());
+    field.input.addEventListener("keydown", (event) => event.key === "Enter" && event.ctrlKey && !this.applyButton.disabled && this.apply());
     this.#fields.set(one.name, field);
     const name = make("th", { scope: "row", title: `${one.name}: ${one.doc}` }, label, sign(symbol));
     const isSwitch = one.name === COMPENSATION;

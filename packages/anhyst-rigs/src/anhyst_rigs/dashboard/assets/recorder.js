@@ -2,6 +2,7 @@
 
 import { field, make, select } from "./dom.js";
 import { downloadList } from "./library.js";
+import { signalChoice, signalOf } from "./signals.js";
 import { shown } from "./units.js";
 
 const KINDS = [
@@ -32,12 +33,7 @@ export class RecorderPanel {
     this.lasts.placeholder = "until stop";
     this.edge = select(EDGES, "");
     this.edge.id = "record-edge";
-    this.signal = select(
-      bench.signals.map((one) => [one.name, one.label]),
-      bench.aim.signal,
-    );
-    this.signal.id = "record-signal";
-    this.signal.ariaLabel = "signal of the start";
+    this.signal = signalChoice(bench, bench.aim.signal, "signal of the start", { id: "record-signal" });
     this.kind.ariaLabel = "format of the file";
     this.edge.ariaLabel = "start of the recording";
     this.level = number("record-level", 0, "level of the trigger");
@@ -76,7 +72,7 @@ export class RecorderPanel {
   }
 
   #shown() {
-    return shown(this.bench.signals.find((one) => one.name === this.signal.value).unit);
+    return shown(signalOf(this.bench, this.signal.value)?.unit ?? "");
   }
 
   start() {

@@ -43,7 +43,8 @@ export class Scope {
   }
 
   feed(frame) {
-    this.#trigger?.feed(frame);
+    const trigger = this.#trigger;
+    trigger?.feed(frame, columnOf(this.bench, trigger.settings.name));
   }
 
   // The rows of the picture: those of the running bench, or those that were stored when the picture was held.
@@ -367,7 +368,7 @@ export class Scope {
 
   // Shows the signals of the bench again after they have changed.
   rebuild() {
-    this.triggers.list();
+    this.triggers.check();
     for (const plot of new Set([this.plot, ...this.plots])) plot.build();
   }
 

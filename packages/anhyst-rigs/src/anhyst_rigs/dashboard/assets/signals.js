@@ -1,12 +1,35 @@
 // The signals of the bench: their columns, readable names, lines and noise.
 
 import { lines } from "./colours.js";
+import { make } from "./dom.js";
 import { chooseNames, describe } from "./names.js";
 import { show, shown } from "./units.js";
 
 // Returns the column of a signal, or -1 if it does not exist.
 export function columnOf(bench, name) {
   return bench.signals.findIndex((signal) => signal.name === name);
+}
+
+// Returns a signal, or undefined if it does not exist.
+export function signalOf(bench, name) {
+  return bench.signals[columnOf(bench, name)];
+}
+
+export const NO_SIGNAL = "This signal does not exist any more; choose another.";
+
+// Returns a selection of a signal. `choose` selects one, and lists the signals again: also without a name, after a
+// derived signal was defined or deleted.
+export function signalChoice(bench, name, ariaLabel, properties = {}) {
+  const element = make("select", { className: "signalchoice", ariaLabel, ...properties });
+  let chosen = name;
+  element.addEventListener("change", () => (chosen = element.value));
+  element.choose = (wanted = chosen) => {
+    chosen = wanted;
+    element.replaceChildren(...bench.signals.map((one) => make("option", { value: one.name, textContent: one.label })));
+    element.value = chosen;
+  };
+  element.choose();
+  return element;
 }
 
 // Adds the column, the readable name, the symbol, the line and the names of its values to each signal of a bench.

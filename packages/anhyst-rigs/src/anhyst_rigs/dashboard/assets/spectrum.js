@@ -4,7 +4,7 @@ import { Plane } from "./canvas.js";
 import { BLUE, VERMILION, ink } from "./colours.js";
 import { field, make, select } from "./dom.js";
 import { WINDOWS, density } from "./fft.js";
-import { columnOf } from "./signals.js";
+import { NO_SIGNAL, signalChoice, signalOf } from "./signals.js";
 import { fine } from "./units.js";
 
 const LENGTHS = [1024, 4096, 16384, 65536];
@@ -31,8 +31,9 @@ export class SpectrumView {
       return element;
     };
     const plain = (values) => values.map((value) => [String(value), String(value)]);
-    const signals = bench.signals.map(({ name, label }) => [name, label]);
-    this.signal = choose("spectrum-signal", signals, bench.aim.signal);
+    const chosen = bench.choices.get("spectrum-signal", bench.aim.signal);
+    const properties = { id: "spectrum-signal", onchange: () => this.#chooseSignal() };
+    this.signal = signalChoice(bench, signalOf(bench, chosen) ? chosen : bench.aim.signal, "signal of the spectrum", properties);
     this.length = choose("spectrum-length", plain(LENGTHS), 16384);
     this.shape = choose("spectrum-window", plain(Object.keys(WINDOWS)), "Hann");
     this.note = make("output", { className: "reading", id: "spectrum-note" });
@@ -57,18 +58,23 @@ export class SpectrumView {
     });
   }
 
+  #chooseSignal() {
+    this.bench.choices.set("spectrum-signal", this.signal.value);
+    this.#due = 0;
+  }
+
   draw() {
     const now = performance.now();
     if (now < this.#due) return;
     this.#due = now + UPDATE_INTERVAL_MS;
     const length = Number(this.length.value);
-    const column = columnOf(this.bench, this.signal.value);
-    const samples = this.#samples(column, length);
+    const signal = signalOf(this.bench, this.signal.value);
+    const samples = this.#samples(signal, length);
     if (!samples) return;
-    const { name, factor } = fine(this.bench.signals[column].unit);
+    const { name, factor } = fine(signal.unit);
     const rate = this.bench.rate / this.bench.every;
     const found = density(samples, rate, length, WINDOWS[this.shape.value]);
-    this.found = { ...found, ticks: samples.length };
+    this.found = { ...found, head: signal.head, ticks: samples.length };
     const scaled = found.densities.map((one) => one * factor);
     const top = Math.max(...scaled) || 1;
     const logs = (values) => values.map((one) => Math.log10(Math.max(one, 1e-9 * top)));
@@ -84,8 +90,7 @@ export class SpectrumView {
   }
 
   table() {
-    const { head } = this.bench.signals[columnOf(this.bench, this.signal.value)];
-    const { frequencies = [], densities = [] } = this.found ?? {};
+    const { head = "none", frequencies = [], densities = [] } = this.found ?? {};
     return { frequency_Hz: frequencies, [`${head}_per_sqrt_Hz`]: densities };
   }
 
@@ -104,9 +109,13 @@ export class SpectrumView {
     this.reading.textContent = `${Number(frequencies[at].toPrecision(6))} Hz: ${value} ${name || "1"}/√Hz`;
   }
 
-  // Returns the last samples; null if there are fewer than one length or if ticks are missing.
-  #samples(column, length) {
+  // Returns the last samples; null if there are fewer than one length, if ticks are missing or if the signal is.
+  #samples(signal, length) {
     const { store } = this;
+    if (!signal) {
+      this.note.textContent = NO_SIGNAL;
+      return null;
+    }
     const wanted = Math.min(MAX_AVERAGED_SEGMENTS * length, store.count);
     const first = store.count - wanted;
     const whole = wanted >= length && store.newest - store.tick(first) === wanted - 1;
@@ -114,7 +123,7 @@ export class SpectrumView {
       this.note.textContent = `The spectrum needs ${length} ticks without a gap between them; wait, or choose fewer ticks.`;
       return null;
     }
-    return Float64Array.from({ length: wanted }, (_, i) => store.value(column, first + i));
+    return Float64Array.from({ length: wanted }, (_, i) => store.value(signal.column, first + i));
   }
 }
 

@@ -82,7 +82,7 @@ export class StepView {
     const names = inFull(settings);
     return settings.map((label, n) => {
       const mine = steps.filter((step) => step.label === label);
-      const column = (of, write) => spread(mine.map(of), write);
+      const column = (of, write, failure = "") => spread(mine.map(of), write, failure);
       const percent = (value) => `${value.toFixed(1)} %`;
       const noise = Math.max(...mine.map((step) => step.noise));
       const hasOvershoot = mine.reduce((sum, step) => sum + step.overshoot - step.noise, 0) > 0; // in the mean
@@ -91,8 +91,8 @@ export class StepView {
         column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),
         column((step) => step.noise, percent),
         hasOvershoot ? column((step) => step.overshoot, percent) : `none above the noise of ${percent(noise)}`,
-        column((step) => step.rise, (value) => `${(1e3 * value).toFixed(2)} ms`),
-        column((step) => step.settling, (value) => `${(1e3 * value).toFixed(1)} ms`),
+        column((step) => step.rise, (value) => `${(1e3 * value).toFixed(2)} ms`, "did not rise to 90 %"),
+        column((step) => step.settling, (value) => `${(1e3 * value).toFixed(1)} ms`, "did not settle"),
       ];
     });
   }
@@ -111,16 +111,17 @@ function inFull(labels) {
   return labels.map((label) => [label, ...all.filter((gain) => !gains(label).includes(gain)).map((gain) => `${gain}${TIMES}1`)].join(", "));
 }
 
-// Returns a cell of the table. A line may break before a range, and everywhere in the first column.
+// Returns a cell of the table. A line may break before a range or a failure, and everywhere in the first column.
 function cell(text, n) {
-  const parts = text.split(/( )(?=\()/).map((part) => (part === " " ? part : make("span", { textContent: part })));
-  return make("td", {}, ...(n ? parts : [text]));
+  const parts = text.split(/ (?=\()|(?<=;) /).flatMap((part) => [" ", make("span", { textContent: part })]);
+  return make("td", {}, ...(n ? parts.slice(1) : [text]));
 }
 
-// Returns the mean and the range of the finite values as text.
-function spread(values, write) {
+// Returns the mean and the range of the finite values as text, and how many others there are, as a failure in words.
+function spread(values, write, failure) {
   const finite = values.filter(Number.isFinite);
-  if (!finite.length) return "–";
+  const others = values.length - finite.length;
+  if (others) return [finite.length ? spread(finite, write) : "–", `${others} of ${values.length} ${failure}`].join("; ");
   const mean = finite.reduce((sum, one) => sum + one, 0) / finite.length;
   const low = write(Math.min(...finite));
   const high = write(Math.max(...finite));

@@ -6,7 +6,7 @@ export class Trigger {
   #before = NaN;
 
   constructor(settings) {
-    this.settings = settings; // column, level (SI), rising, pre (fraction of the window before the trigger), mode
+    this.settings = settings; // name of the signal, level (SI), rising, pre (fraction of the window before the trigger), mode
   }
 
   rearm() {
@@ -14,9 +14,10 @@ export class Trigger {
     this.#before = NaN;
   }
 
-  feed(frame) {
-    const { column, level, rising } = this.settings;
-    const values = frame.data[column];
+  // Searches the values of the signal in a frame.
+  feed(frame, column) {
+    const { level, rising } = this.settings;
+    const values = frame.data[column] ?? [];
     for (let i = 0; i < values.length && this.hit === null; i++) {
       const crossed = rising
         ? this.#before < level && values[i] >= level

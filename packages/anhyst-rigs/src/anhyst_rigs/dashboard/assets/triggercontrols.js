@@ -1,7 +1,7 @@
 // Controls of the trigger: mode, signal, edge, level, and the part of the window before the crossing.
 
 import { field, make, select } from "./dom.js";
-import { columnOf } from "./signals.js";
+import { signalChoice, signalOf } from "./signals.js";
 import { shown } from "./units.js";
 
 const MODES = [
@@ -27,7 +27,7 @@ export class TriggerControls {
     const number = (id, value) => make("input", { type: "number", step: "any", id, value, className: "number" });
     this.mode = select(MODES, "off");
     this.mode.id = "trigger-mode";
-    this.signal = make("select", { id: "trigger-signal", ariaLabel: "signal of the trigger" });
+    this.signal = signalChoice(bench, bench.aim.signal, "signal of the trigger", { id: "trigger-signal" });
     this.edge = select(EDGES, "rising");
     this.edge.id = "trigger-edge";
     this.edge.ariaLabel = "edge of the trigger";
@@ -40,15 +40,15 @@ export class TriggerControls {
     this.elements = [field("Trigger", this.mode), this.details];
     for (const one of [this.mode, this.signal, this.edge, this.level, this.pre]) one.onchange = () => this.#change();
     this.level.addEventListener("input", () => this.#levels.set(this.signal.value, this.level.value));
-    this.list(bench.aim.signal);
     this.#show();
   }
 
-  // Lists the signals of the bench.
-  list(chosen = this.signal.value) {
-    const options = this.bench.signals.map(({ name, label }) => make("option", { value: name, textContent: label }));
-    this.signal.replaceChildren(...options);
-    this.signal.value = chosen;
+  // Switches the trigger off if its signal was deleted.
+  check() {
+    if (signalOf(this.bench, this.signal.value)) return;
+    this.signal.choose(this.bench.aim.signal);
+    this.mode.value = "off";
+    this.#change();
   }
 
   // Shows whether the trigger waits for a crossing. The text always has its place, so that nothing moves.
@@ -62,7 +62,7 @@ export class TriggerControls {
   }
 
   #signal() {
-    return this.bench.signals[columnOf(this.bench, this.signal.value)];
+    return signalOf(this.bench, this.signal.value);
   }
 
   // Shows the level that the user has set for the signal, otherwise the mean of the signal. A constant signal never
@@ -78,9 +78,8 @@ export class TriggerControls {
   #change() {
     this.#show();
     if (this.mode.value !== "off") this.#propose();
-    const { column, name, unit } = this.#signal();
+    const { name, unit } = this.#signal();
     const settings = {
-      column,
       name,
       level: Number(this.level.value) / shown(unit).factor,
       rising: this.edge.value === "rising",
