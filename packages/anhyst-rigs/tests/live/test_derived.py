@@ -76,6 +76,9 @@ def test_filters_equal_their_definitions() -> None:
         ("rms(force, gap)", "must be a number"),
         ("(" * 150 + "force" + ")" * 30, "cannot be read"),
         ("'text'", "must be a number"),
+        ("9**9**9", "never a finite number"),
+        ("force / 0", "never a finite number"),
+        ("sqrt(-1 - abs(gap))", "never a finite number"),
     ],
 )
 def test_other_expressions_are_refused_with_a_remedy(expression: str, remedy: str) -> None:
@@ -97,6 +100,11 @@ def test_names_are_unique_and_their_number_is_limited() -> None:
     derived.delete("one_3")
     with refused("no-such-signal"):
         derived.delete("one_3")
+
+
+@pytest.mark.parametrize("expression", ["force / current", "sqrt(force - 1000)", "derivative(gap)"])
+def test_a_signal_may_be_finite_later(expression: str) -> None:
+    assert np.isnan(evaluate(expression, np.zeros((1, 4)), 1)).all()  # and is not refused
 
 
 def test_a_value_without_a_result_is_nan() -> None:

@@ -27,6 +27,7 @@ MAX_WINDOW_S = 1.0
 """Longest window of a mean or an rms, s."""
 
 _MAX_EXPRESSION_LENGTH = 200
+_PROBE_ROWS = 1000
 _NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,29}")
 _UNIT_PATTERN = re.compile(r"[A-Za-z0-9 /^_%*.()µ-]{0,16}")
 
@@ -96,8 +97,20 @@ class DerivedSignals:
         if not _UNIT_PATTERN.fullmatch(unit):
             text = "derived: a unit has at most 16 letters, digits and signs, such as N m/s^2"
             raise InputError(text, code="bad-unit", key="unit")
-        values = _Compiler(self._signals, self._rate).compile(definition.expression)
+        values = self._compile(definition.expression)
         self.definitions, self._values = (*self.definitions, definition), (*self._values, values)
+
+    def _compile(self, expression: str) -> _Values:
+        """Return the function of an expression; refuse one that has no finite value for any signals."""
+        random = np.random.default_rng(0)
+        signals = random.normal(size=(_PROBE_ROWS, len(self._signals)))
+        signals *= 10.0 ** random.uniform(-9.0, 9.0, signals.shape)
+        probe = np.column_stack((np.arange(1.0, _PROBE_ROWS + 1), signals))
+        compiler = _Compiler(self._signals, self._rate)
+        with np.errstate(all="ignore"):
+            if not np.isfinite(compiler.compile(expression)(probe)).any():
+                raise _refusal("the result is never a finite number; check divisions, powers and roots")
+        return compiler.compile(expression)  # Its filters have not seen the random signals.
 
     def delete(self, name: str) -> None:
         """Delete a derived signal."""

@@ -398,5 +398,5 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
 
 
 def describe_parameters(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the descriptions of the parameters for a page."""
-    return [parameter._asdict() for parameter in session.parameters]
+    """Return the descriptions of the parameters for a page, with the first known value of each."""
+    return [{**one._asdict(), "first": session.first_values[one.name]} for one in session.parameters]

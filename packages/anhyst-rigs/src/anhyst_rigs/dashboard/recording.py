@@ -332,6 +332,8 @@ class TickRecorder:
 
     def start(self, name: str, recording_span: RecordingSpan, tick: int) -> None:
         """Start a recording in a new file in the folder."""
+        if name in ("", *_RECORDERS):
+            raise InputError("record: give the recording a name", code="bad-name", key="record")
         if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
                 "record: a name may contain letters, digits, blanks, points, _ and -, but no folder",

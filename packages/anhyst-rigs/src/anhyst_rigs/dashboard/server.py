@@ -28,7 +28,7 @@ from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameter
 from anhyst_rigs.dashboard.recording import BUFFER_S
 from anhyst_rigs.dashboard.recordings import ListedRecording, RecordingRoute
 from anhyst_rigs.dashboard.response import describe_response
-from anhyst_rigs.dashboard.session import WATCH_ONLY_REASON, LiveSession, refuse_all_orders
+from anhyst_rigs.dashboard.session import LiveSession, refuse_all_orders
 from anhyst_rigs.rig.bench.protocol import Parameter, Signal, column_header
 from anhyst_rigs.study.improve import DrawnLoop
 from anhyst_rigs.study.response.result import FrequencyResponse
@@ -44,6 +44,12 @@ class OperatorDesk:
         self.operator = 0
         self.requesting_client = 0
         self._request_time = 0.0
+
+    def refusal_reason(self, client: int) -> str:
+        """Why a browser cannot operate the bench now; empty if it can."""
+        if self.operator == client:
+            return ""
+        return "another browser operates; ask to take over" if self.operator else "nobody operates; take over"
 
     def join(self, client: int) -> None:
         """Add a browser, which becomes the operator if there is none."""
@@ -313,12 +319,8 @@ class LiveServer:
         new_count = min(self.session.log_entry_count - client.sent_log_entries, len(entries))
         client.sent_log_entries = self.session.log_entry_count
         status = self.session.status()
-        if self.desk.operator != client.number:
-            status = {
-                **status,
-                "refused": refuse_all_orders(self.session.bench, WATCH_ONLY_REASON),
-                "next": "",
-            }
+        if reason := self.desk.refusal_reason(client.number):
+            status = {**status, "refused": refuse_all_orders(self.session.bench, reason), "next": ""}
         return {
             "kind": "status",
             **status,
@@ -360,8 +362,8 @@ class LiveServer:
         if order == "hand over":
             self.desk.answer(client.number, message.get("yes") is True)
             return {}
-        if self.desk.operator != client.number:
-            raise InputError(WATCH_ONLY_REASON, code="another-operates")
+        if reason := self.desk.refusal_reason(client.number):
+            raise InputError(reason, code="another-operates")
         if (act := ORDERS_BESIDE_BENCH.get(str(order))) is not None:
             return await asyncio.to_thread(act, self.session, client.name, message)
         return await self._run_between_chunks(lambda: perform(self.session, client.name, message))

@@ -37,8 +37,6 @@ from anhyst_rigs.rig.bench.protocol import (
 from anhyst_rigs.study.improve import BenchMonitor, DrawnLoop, ModelWithLoops
 from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 
-WATCH_ONLY_REASON = "another browser operates; ask to take over"
-
 _MOVING_ORDERS = ("target", "generator", "apply")
 """Orders that can move the controlled body, in addition to the commands of the controller."""
 
@@ -124,7 +122,8 @@ class LiveSession:
         self._stop_monitoring: Callable[[], None] = lambda: None
         self.log: deque[LogEntry] = deque(maxlen=_MAX_LOG_ENTRIES)
         self.log_entry_count = 0
-        self.parameters = bench.parameters()
+        self.first_values: dict[str, float] = {}  # first known value of each parameter by name
+        self._read_parameters()
         self.last_applied_tick = 0
         self._closed = False
         self._listeners: tuple[Listener, ...] = ()
@@ -179,7 +178,7 @@ class LiveSession:
                 thread.join()
             self._threads, self._listeners = [], ()
             self._make_recorder(self.recorder.folder)
-            self.parameters = self.bench.parameters()
+            self._read_parameters()
             self.sets.list_names(self.parameters)
             self._pass_rows_on()
 
@@ -271,8 +270,13 @@ class LiveSession:
     def apply_parameters(self, values: Mapping[str, float]) -> int:
         """Set parameters, all at the same tick; return the first tick that uses them."""
         tick = self.last_applied_tick = self.bench.apply(values)
-        self.parameters = self.bench.parameters()
+        self._read_parameters()
         return tick
+
+    def _read_parameters(self) -> None:
+        """Read the active parameters. Labels of steps on all pages are relative to the first values."""
+        self.parameters = self.bench.parameters()
+        self.first_values = {one.name: one.value for one in self.parameters} | self.first_values
 
     def status(self) -> Mapping[str, Any]:
         """Return the state that a page shows in addition to the signals."""
@@ -331,7 +335,7 @@ class LiveSession:
     def _log_event(self, text: str) -> None:
         """Log an event of the controller, and read its active parameters again."""
         self.log_change("controller", text)
-        self.parameters = self.bench.parameters()
+        self._read_parameters()
         if self.improver is not None and not self.bench.loss_reason:
             with suppress(InputError):  # If the controller is lost again, another event repeats this.
                 self.improver.check_after_reconnect()

@@ -30,8 +30,12 @@ export class DerivedForm {
 
   async #add() {
     const [name, expression, unit] = [this.name, this.expression, this.unit].map((one) => one.value.trim());
+    this.awaited = name; // the list of signals shows it when it comes
     const answer = await this.order("derive", { name, expression, unit }, (reason) => (this.wrong.textContent = reason));
-    if (!answer) return;
+    if (!answer) {
+      this.awaited = null;
+      return;
+    }
     for (const one of [this.name, this.expression, this.unit]) one.value = "";
     this.wrong.textContent = "";
   }

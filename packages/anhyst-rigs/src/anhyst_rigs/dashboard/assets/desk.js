@@ -1,5 +1,6 @@
 // Desks: tabs of the user with panels that are added, removed, moved and resized, by pointer or by keyboard.
 
+import { FORMAT, MAX_DESKS } from "./desks.js";
 import { make } from "./dom.js";
 import { COLUMNS, free, limited, settle } from "./grid.js";
 import { kindOf, kinds } from "./panels.js";
@@ -195,4 +196,15 @@ export class Desk {
   words() {
     return [...this.context.scope.words(), ...this.open.flatMap(({ panel }) => panel.words?.() ?? [])];
   }
+}
+
+// Returns why a file is not a file of desks; an empty text if it is.
+export function faultOf(content) {
+  if (content?.format !== FORMAT) return "is not a file of desks; choose one that Export has saved";
+  if (content.version !== 1) return `has version ${content.version}, but this page reads version 1`;
+  const isPlace = (one) => typeof one?.kind === "string" && ["x", "y", "w", "h"].every((key) => Number.isInteger(one[key]));
+  const isDesk = (desk) => typeof desk?.name === "string" && Array.isArray(desk.panels) && desk.panels.every(isPlace);
+  const { desks } = content;
+  const valid = Array.isArray(desks) && desks.length > 0 && desks.length <= MAX_DESKS && desks.every(isDesk);
+  return valid ? "" : "contains a desk without a name or a panel without a place";
 }

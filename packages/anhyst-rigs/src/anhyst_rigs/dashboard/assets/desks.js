@@ -1,10 +1,11 @@
 // The user's desks of a rig: their tabs, and how they are stored, exported and imported.
 
 import { download, make } from "./dom.js";
+import { kindOf } from "./panels.js";
 import { columnOf } from "./signals.js";
 
-const FORMAT = "anhyst-desks";
-const MAX_DESKS = 8;
+export const FORMAT = "anhyst-desks";
+export const MAX_DESKS = 8;
 
 export class Desks {
   // `opened` is called with a desk's index after the user opens it, and after the tabs have changed.
@@ -63,6 +64,7 @@ export class Desks {
 
   #add() {
     this.#store([...this.layouts, { name: `Desk ${this.layouts.length + 1}`, panels: [] }], this.layouts.length);
+    this.tabs.scrollLeft = this.tabs.scrollWidth;
   }
 
   #remove() {
@@ -93,23 +95,16 @@ export class Desks {
     } catch {
       // reported below
     }
+    const { faultOf } = await import("./desk.js");
     const wrong = faultOf(content);
     if (wrong) return notify(`${file.name}: ${wrong}`);
     for (const derived of content.derived ?? [])
       if (columnOf(bench, derived.name) < 0) await order("derive", derived);
+    const unknown = new Set(content.desks.flatMap(({ panels }) => panels.map(({ kind }) => kind)).filter((kind) => !kindOf(kind)));
+    for (const desk of content.desks) desk.panels = desk.panels.filter(({ kind }) => !unknown.has(kind));
+    if (unknown.size) notify(`${file.name}: imported without the panels of unknown kind: ${[...unknown].join(", ")}`);
     return this.#store(content.desks, 0);
   }
-}
-
-// Returns why a file is not a file of desks; an empty text if it is.
-function faultOf(content) {
-  if (content?.format !== FORMAT) return "is not a file of desks; choose one that Export has saved";
-  if (content.version !== 1) return `has version ${content.version}, but this page reads version 1`;
-  const isPlace = (one) => typeof one?.kind === "string" && ["x", "y", "w", "h"].every((key) => Number.isInteger(one[key]));
-  const isDesk = (desk) => typeof desk?.name === "string" && Array.isArray(desk.panels) && desk.panels.every(isPlace);
-  const { desks } = content;
-  const valid = Array.isArray(desks) && desks.length > 0 && desks.length <= MAX_DESKS && desks.every(isDesk);
-  return valid ? "" : "contains a desk without a name or a panel without a place";
 }
 
 // Returns the desk that a rig shows before the user has made one.

@@ -30,23 +30,20 @@ export class GeneratorPanel {
     const most = 0.5 * (aim.high - aim.low);
     const amplitude = usual(aim, 0.05) / this.shown.factor;
     this.amplitude = new Quantity({ unit: this.unit, low: 0, high: most, id: "amplitude", label: "amplitude", value: amplitude });
-    this.frequency = number("frequency", 2);
-    this.low = number("chirp-low", 0.5);
-    this.high = number("chirp-high", 50);
+    const [low, high] = bench.frequencies;
+    const frequency = (id, value) => new Quantity({ unit: "Hz", low, high, id, label: id, value });
+    this.frequency = frequency("frequency", 2);
+    this.low = frequency("chirp-low", 0.5);
+    this.high = frequency("chirp-high", 50);
     this.lasts = number("chirp-lasts", 20);
     this.file = make("input", { ariaLabel: "CSV of the signal", type: "file", accept: ".csv,text/csv", id: "table" });
-    const [low, high] = bench.frequencies;
+    const checked = (text, { elements, message }) => make("div", {}, line(make("span", { className: "unit", textContent: text }), ...elements), message);
     this.lines = {
-      amplitude: make("div", {}, line(make("span", { className: "unit", textContent: "±" }), ...this.amplitude.elements), this.amplitude.message),
-      frequency: line(field("at", this.frequency, "Hz")),
-      chirp: line(
-        field("from", this.low),
-        field("to", this.high, "Hz"),
-        field("in", this.lasts, "s"),
-      ),
+      amplitude: checked("±", this.amplitude),
+      frequency: checked("at", this.frequency),
+      chirp: make("div", {}, checked("from", this.low), checked("to", this.high), line(field("in", this.lasts, "s"))),
       table: line(this.file),
     };
-    this.frequency.title = `${low} to ${high} Hz`;
     this.lines.table.title = `header t_s,${this.unit === "m" ? "gap_um" : "F_N"}, then rows; added to the ${aimName(bench).toLowerCase()}`;
     this.now = make("output", { className: "reading" });
     const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
@@ -73,12 +70,11 @@ export class GeneratorPanel {
   async start() {
     const shape = this.shape.value;
     if (shape === TABLE) return this.#startTable();
-    const amplitude = this.amplitude.value;
-    if (amplitude === null) return this.amplitude.input.focus();
-    if (shape !== CHIRP)
-      return this.order("generator", { shape, amplitude, frequency: Number(this.frequency.value) });
-    const [low, high, lasts] = [this.low, this.high, this.lasts].map((one) => Number(one.value));
-    return this.order("generator", { shape, amplitude, low, high, lasts });
+    const used = shape === CHIRP ? { amplitude: this.amplitude, low: this.low, high: this.high } : { amplitude: this.amplitude, frequency: this.frequency };
+    const wrong = Object.values(used).find(({ value }) => value === null);
+    if (wrong) return wrong.input.focus();
+    const values = Object.fromEntries(Object.entries(used).map(([name, { value }]) => [name, value]));
+    return this.order("generator", { shape, ...values, ...(shape === CHIRP ? { lasts: Number(this.lasts.value) } : {}) });
   }
 
   async #startTable() {

@@ -45,7 +45,9 @@ link.addEventListener("lost", (event) => lost(event.detail));
 // passes `show`, and returns null.
 async function order(what, fields, show = notify) {
   try {
-    return await link.order(what, fields);
+    const answer = await link.order(what, fields);
+    notices.settle();
+    return answer;
   } catch (refused) {
     show(refused.message);
     if (show !== notify) record(refused.message);
@@ -192,9 +194,7 @@ function status(now) {
     notices.write(plain, who, tick, bench.rate);
     if (who === "learning" && !isFirst) notices.show(plain);
   }
-  if (now.ended) notices.show(now.ended, true);
-  else if (now.lost) notices.show(`${now.lost}; looking for it`, true);
-  else if (now.waits_for) notices.show(`the bench waits for ${now.waits_for}`);
+  notices.keep(now.ended || (now.lost && `${now.lost}; looking for it`) || (now.waits_for && `the bench waits for ${now.waits_for}`) || "");
 }
 
 function recorded(file) {
@@ -225,13 +225,15 @@ function role({ operator, asking, browsers }) {
   const key = [mine, asking, operator, browsers].join();
   if (at("role").dataset.key === key) return;
   at("role").dataset.key = key;
-  const parts = [
-    make("b", { textContent: mine ? "You operate" : `Browser ${operator} operates, you watch` }),
-  ];
-  if (browsers > 1) parts.push(` (${browsers} browsers) `);
+  if (page.asked && !mine && asking !== page.bench.you) notify(`Browser ${operator} keeps control; you can ask again`);
+  page.asked = asking === page.bench.you;
+  const watching = operator ? `Browser ${operator} operates, you watch` : "Nobody operates";
+  const parts = [make("b", { textContent: mine ? "You operate" : watching })];
+  if (browsers > 1) parts.push(make("span", { textContent: ` (${browsers} browsers)` }));
+  parts.push(" ");
   const button = (text, act) => parts.push(make("button", { textContent: text, onclick: act }));
   if (!mine && !asking) button("Take over", () => order("ask"));
-  if (!mine && asking === page.bench.you) parts.push(" asked; waits 10 s at most");
+  if (page.asked) parts.push("Control requested; wait at most 10 s");
   if (mine && asking) {
     button(`Hand over to browser ${asking}`, () => order("hand over", { yes: true }));
     button("Keep", () => order("hand over", { yes: false }));
@@ -242,7 +244,7 @@ function role({ operator, asking, browsers }) {
 function lost(reason) {
   document.body.classList.add("lost");
   at("state").textContent = "not connected";
-  notices.show(`not connected${reason ? `: ${reason}` : ""}; trying again`, true);
+  notices.keep(`not connected${reason ? `: ${reason}` : ""}; trying again`);
 }
 
 function askToken() {
@@ -295,7 +297,7 @@ async function save(kind) {
   const title = `${bench.title}, ${desk?.layout.name ?? view}, tick ${store.newest}`;
   const draw = () => picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]);
   download(name, kind === "csv" ? new Blob([csv(shown.table())], { type: "text/csv" }) : await draw());
-  notices.show(`saved as ${name}`, false, SHORT_NOTICE_MS);
+  notices.show(`saved as ${name}`, SHORT_NOTICE_MS);
 }
 
 // Returns the local date and time for the name of a file, such as 20261130-132200.

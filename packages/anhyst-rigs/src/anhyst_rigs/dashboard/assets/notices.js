@@ -6,7 +6,11 @@ const NOTICE_MS = 12000; // time after which a message disappears, unless it rem
 export const SHORT_NOTICE_MS = 4000; // the same for a message without a reason or a remedy
 
 export class Notices {
+  #lasting = false; // whether the shown message is a state
+  #state = "";
   #timer = 0;
+  #shown = "";
+  #count = 0; // how often the shown message has come
 
   constructor(place, log) {
     this.place = place;
@@ -17,14 +21,35 @@ export class Notices {
     this.close = close;
   }
 
-  // Shows a message; `lasting` messages remain until they are dismissed or replaced.
-  show(text, lasting = false, time = NOTICE_MS) {
-    if (this.text.textContent === text && !this.place.hidden) return;
-    this.text.textContent = text;
-    this.place.replaceChildren(this.text, this.close);
+  // Shows a message for a time; an equal message that is still shown is counted, so that it is visibly new.
+  show(text, time = NOTICE_MS) {
+    const isRepeated = text === this.#shown && !this.place.hidden;
+    this.#count = isRepeated ? this.#count + 1 : 1;
+    this.#put(text, this.#count > 1 ? `${text} (${this.#count} times)` : text);
+    this.#lasting = false;
+    this.#timer = setTimeout(() => this.hide(), time);
+  }
+
+  // Shows a state of the bench until it ends (empty text), or is dismissed or replaced.
+  keep(text) {
+    if (text === this.#state) return;
+    this.#state = text;
+    if (text) this.#put(text, text);
+    else if (this.#lasting) this.hide();
+    this.#lasting = Boolean(text);
+  }
+
+  #put(text, words) {
+    this.#shown = text;
+    this.text.textContent = words;
+    this.place.replaceChildren(this.text, this.close); // restarts the animation
     this.place.hidden = false;
     clearTimeout(this.#timer);
-    if (!lasting) this.#timer = setTimeout(() => this.hide(), time);
+  }
+
+  // Hides a message whose fault is corrected: the next order was accepted.
+  settle() {
+    if (!this.#lasting) this.hide();
   }
 
   hide() {

@@ -9,7 +9,6 @@ export class Parameters extends EventTarget {
   #staged = new Map();
   #before = null; // active values before the last change
   #fields = new Map(); // fields of the values by parameter
-  #first = null; // active values when the page was opened
   #eras = []; // active values in words, with the first tick of each
   #last = Promise.resolve(); // last request; each waits for the previous one, so that it uses the active values
 
@@ -43,7 +42,6 @@ export class Parameters extends EventTarget {
   // Stores the active values from a tick on; staged values are not changed.
   take(parameters, applied) {
     this.parameters = parameters;
-    this.#first ??= new Map(parameters.map((one) => [one.name, one.value]));
     this.#eras.push({ from: applied, words: this.#words() });
     this.show();
   }
@@ -203,7 +201,7 @@ export class Parameters extends EventTarget {
     const on = this.value("compensation");
     const texts = on === undefined ? [] : [on === 0 ? "without compensation" : "with compensation"];
     for (const one of this.parameters) {
-      const share = one.value / this.#first.get(one.name);
+      const share = one.value / one.first; // `first` is the same for all browsers
       if (one.name.startsWith("gain_") && Math.abs(share - 1) > 1e-6)
         texts.push(`${describe(one).label} × ${Number(share.toPrecision(3))}`);
     }

@@ -32,6 +32,17 @@ export class SignalList {
     this.#rows = this.bench.signals.map((signal) => this.#row(signal));
     this.list.replaceChildren(...this.#rows.map((row) => row.element));
     this.#filter();
+    this.#reveal(this.#rows.find(({ signal }) => signal.name === this.derived.awaited));
+  }
+
+  // Shows a signal that the user has added, in the list and in the active plot.
+  #reveal(row) {
+    if (!row) return;
+    this.derived.awaited = null;
+    this.search.value = "";
+    this.#filter();
+    this.active().add(row.signal.name);
+    this.list.scrollTop = row.element.offsetTop;
   }
 
   #row(signal) {
@@ -65,7 +76,9 @@ export class SignalList {
     const chosen = this.active().names;
     for (const { signal, box, value, element } of this.#rows) {
       box.checked = chosen.has(signal.name);
-      if (!element.hidden) value.textContent = reading(signal, this.store.value(signal.column, this.store.count - 1), 4);
+      if (element.hidden) continue;
+      const newest = this.store.value(signal.column, this.store.count - 1);
+      value.textContent = signal.expression && Number.isNaN(newest) ? "not finite" : reading(signal, newest, 4);
     }
   }
 }

@@ -73,7 +73,7 @@ export class StepView {
     const rows = this.#cells().map((cells, n) => {
       const swatch = make("i", { className: "swatch" });
       swatch.style.background = COLOURS[n];
-      return make("tr", {}, make("td", {}, swatch), ...cells.map((text) => make("td", { textContent: text })));
+      return make("tr", {}, make("td", {}, swatch), ...cells.map(cell));
     });
     this.rows.replaceChildren(...rows);
   }
@@ -111,6 +111,12 @@ function inFull(labels) {
   const gains = (label) => label.split(", ").filter((part) => part.includes(TIMES)).map((part) => part.split(TIMES)[0]);
   const all = [...new Set(labels.flatMap(gains))];
   return labels.map((label) => [label, ...all.filter((gain) => !gains(label).includes(gain)).map((gain) => `${gain}${TIMES}1`)].join(", "));
+}
+
+// Returns a cell of the table. A line may break before a range or a failure, and everywhere in the first column.
+function cell(text, n) {
+  const parts = text.split(/ (?=\()|(?<=;) /).flatMap((part) => [" ", make("span", { textContent: part })]);
+  return make("td", {}, ...(n ? parts.slice(1) : [text]));
 }
 
 // Returns the mean and the range of the finite values as text, and how many others there are, as a failure in words.

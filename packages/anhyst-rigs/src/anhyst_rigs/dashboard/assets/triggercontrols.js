@@ -34,7 +34,7 @@ export class TriggerControls {
     this.level = number("trigger-level", 0);
     this.pre = number("trigger-pre", 20);
     this.unit = make("span", { className: "unit" });
-    this.waits = make("output", { className: "reading", textContent: "not triggered", hidden: true });
+    this.waits = make("output", { className: "reading", textContent: "not triggered" });
     const details = [this.signal, this.edge, field("at", this.level, this.unit), field("before", this.pre, "%"), this.waits];
     this.details = make("span", { className: "line" }, ...details);
     this.elements = [field("Trigger", this.mode), this.details];
@@ -51,9 +51,9 @@ export class TriggerControls {
     this.#change();
   }
 
-  // Shows whether the trigger waits for a crossing.
+  // Shows whether the trigger waits for a crossing. The text always has its place, so that nothing moves.
   wait(waits) {
-    this.waits.hidden = !waits;
+    this.waits.style.visibility = waits ? "visible" : "hidden";
   }
 
   #show() {
