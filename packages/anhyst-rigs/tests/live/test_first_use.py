@@ -247,14 +247,14 @@ def test_the_table_states_how_many_steps_did_not_settle(page: Page) -> None:
 
 
 def test_a_step_beyond_the_range_does_not_block_the_next_one(page: Page) -> None:
-    page.locator("#target").fill("560")
+    page.locator("#target").fill("540")
     page.locator("#go").click()
-    until(page, "Math.abs(window.anhyst.panel.activeTarget - 560e-6) < 1e-9")
+    until(page, "Math.abs(window.anhyst.panel.activeTarget - 540e-6) < 1e-9")
     page.locator("#step").fill("20")
     page.locator("#step-up").click()
-    page.get_by_text("Choose 330 to").wait_for()
+    page.get_by_text("Choose 350 to").wait_for()
     page.locator("#step-down").click()
-    until(page, "Math.abs(window.anhyst.panel.activeTarget - 540e-6) < 1e-9")
+    until(page, "Math.abs(window.anhyst.panel.activeTarget - 520e-6) < 1e-9")
     page.locator("#target").fill("450")
     page.locator("#go").click()
 
