@@ -39,6 +39,7 @@ def page(opened: Page) -> Page:
     for remove in opened.locator(".overlays button").all():
         remove.click()
     seen(opened, "page.scope.follow()")
+    seen(opened, "page.scope.setWindow(0.5)")
     return opened
 
 
@@ -104,6 +105,7 @@ def test_a_recording_is_visible_immediately_in_every_trigger_mode(
     entry = page.locator(".overlays .key")
     assert entry.locator("span").first.inner_text() == f"old-{mode}.csv: wide pale line, 1 s, its end at now"
     page.wait_for_timeout(200)
+    assert seen(page, "page.scope.window") >= 1.0  # s; the whole recording is visible
     assert drawn_pixels(page) > before + 1000
     assert (
         seen(page, "page.scope.overlays[0].ticks.at(-1) + page.scope.overlays[0].shift - page.scope.view.to")
@@ -233,13 +235,14 @@ def test_the_table_states_how_many_steps_did_not_settle(page: Page) -> None:
     texts = page.evaluate(
         """async () => {
           const { StepView } = await import("/assets/steps.js");
-          const common = { label: "as compiled", height: 1e-5, noise: 1, overshoot: 0 };
-          const times = [[0.002, 0.005], [0.002, Infinity], [NaN, Infinity]];
-          const steps = times.map(([rise, settling]) => ({ ...common, rise, settling }));
+          const common = { label: "as compiled", noise: 1, overshoot: 0 };
+          const times = [[0.002, 0.005, 1e-5], [0.002, Infinity, -1e-5], [NaN, Infinity, 1e-5]];
+          const steps = times.map(([rise, settling, height]) => ({ ...common, rise, settling, height }));
           const view = new StepView(document.createElement("div"), anhyst.bench, { settings: ["as compiled"], steps });
           return view.words()[0].map(([text]) => text);
         }"""
     )
+    assert texts[1].startswith("Height: ±10 µm")
     assert texts[-2:] == [
         "Rise 10–90 %: 2.00 ms; 1 of 3 did not rise to 90 %",
         "Settling to 5 %: 5.0 ms; 2 of 3 did not settle",

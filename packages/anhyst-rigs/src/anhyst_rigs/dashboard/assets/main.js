@@ -294,7 +294,7 @@ async function save(kind) {
   const desk = shownDesk();
   const name = `${bench.title.replace(/\W+/g, "-")}-${view.replace(" ", "-")}-${timeStamp()}.${kind}`;
   const { csv, picture } = await import("./picture.js");
-  const title = `${bench.title}, ${desk?.layout.name ?? view}, tick ${store.newest}`;
+  const title = `${bench.title}, ${desk?.layout.name ?? view}, ${new Date().toLocaleString()}, tick ${store.newest}`;
   const draw = () => picture(desk?.element ?? at(view), [[[title]], ...(shown.words?.() ?? [])]);
   download(name, kind === "csv" ? new Blob([csv(shown.table())], { type: "text/csv" }) : await draw());
   notices.show(`saved as ${name}`, SHORT_NOTICE_MS);

@@ -229,10 +229,17 @@ export class Scope {
       const overlay = await Overlay.read(file, this.bench);
       this.overlays = [...this.overlays, overlay];
       this.#align();
+      if (this.held === null && !overlay.crosses) this.#fit(overlay);
       this.overlayList.append(this.#entry(overlay));
     } catch (wrong) {
       this.notify(`${file.name}: ${wrong.message}`);
     }
+  }
+
+  // Extends the window to the span of a recording, as far as possible.
+  #fit({ span }) {
+    const needed = WINDOWS.find((one) => one * this.bench.rate >= span) ?? WINDOWS.at(-1);
+    if (needed > this.window) this.setWindow(needed);
   }
 
   // Moves each recording so that its crossing of the trigger level is at the shown one; without such a crossing, its

@@ -4,12 +4,14 @@ import { Plane } from "./canvas.js";
 import { COLOURS, ink } from "./colours.js";
 import { make } from "./dom.js";
 import { AFTER_S } from "./stepfinder.js";
+import { signalOf } from "./signals.js";
 import { show } from "./units.js";
 
 const HEADS = ["Settings", "Height", "Noise before", "Overshoot", "Rise 10–90 %", "Settling to 5 %"];
 const MIN_SHOWN_S = 0.005; // shortest time axis
 const HINT = "No steps yet. Set another target while the rig runs, or start the step of the generator.";
 const MOVING_HINT = "No steps yet. A step needs a reference that is constant before and after it; a running motion has none.";
+const UNCHANGED = "A gain × 1 has the value that it had when the server was started.";
 const TIMES = " × "; // between the name of a gain and its factor, in the label of a setting
 
 export class StepView {
@@ -28,12 +30,13 @@ export class StepView {
     this.rows = make("tbody");
     const head = make("tr", {}, ...["", ...HEADS].map((text) => make("th", { textContent: text })));
     head.children[3].title = "Four standard deviations in the last 10 to 50 ms before the step";
+    this.note = make("p", { className: "soft", textContent: UNCHANGED, hidden: true });
     const table = make("table", {}, make("thead", {}, head), this.rows);
     place.replaceChildren(
       make("div", { className: "bar" }, clear, this.hint),
-      make("div", { className: "stack" }, figure, make("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "figures of the steps" }, table)),
+      make("div", { className: "stack" }, figure, make("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "figures of the steps" }, table, this.note)),
     );
-    this.plane = new Plane(figure, "Time from the step / ms", "Step / %");
+    this.plane = new Plane(figure, "Time from the step / ms", `${signalOf(bench, bench.aim.signal).label} / % of the step`);
   }
 
   table() {
@@ -47,7 +50,8 @@ export class StepView {
   }
 
   words() {
-    return this.#cells().map((cells, n) => cells.map((cell, m) => [m ? `${HEADS[m]}: ${cell}` : cell, COLOURS[n]]));
+    const rows = this.#cells().map((cells, n) => cells.map((cell, m) => [m ? `${HEADS[m]}: ${cell}` : cell, COLOURS[n]]));
+    return this.note.hidden ? rows : [...rows, [[UNCHANGED]]];
   }
 
   draw() {
@@ -76,6 +80,7 @@ export class StepView {
       return make("tr", {}, make("td", {}, swatch), ...cells.map(cell));
     });
     this.rows.replaceChildren(...rows);
+    this.note.hidden = !this.finder.settings.some((label) => label.includes(TIMES));
   }
 
   // Returns the texts of the table, one row for each setting.
@@ -90,7 +95,7 @@ export class StepView {
       const hasOvershoot = mine.reduce((sum, step) => sum + step.overshoot - step.noise, 0) > 0; // in the mean
       return [
         `${names[n]}, ${mine.length} ${mine.length === 1 ? "step" : "steps"}`,
-        column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),
+        signs(mine) + column((step) => Math.abs(step.height), (value) => show(value, this.unit, 3)),
         column((step) => step.noise, percent),
         hasOvershoot ? column((step) => step.overshoot, percent) : `none above the noise of ${percent(noise)}`,
         column((step) => step.rise, (value) => `${(1e3 * value).toFixed(2)} ms`, "did not rise to 90 %"),
@@ -98,6 +103,13 @@ export class StepView {
       ];
     });
   }
+}
+
+// Returns the sign of the heights of some steps: ± if it differs.
+function signs(steps) {
+  const upward = steps.filter((step) => step.height > 0).length;
+  if (upward === steps.length) return "+";
+  return upward ? "±" : "−";
 }
 
 // Returns the end of the time axis, ms: three times the longest settling time, if all steps settled.
