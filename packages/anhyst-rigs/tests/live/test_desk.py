@@ -46,7 +46,9 @@ def desk_of(page: Page) -> dict[str, Any]:
 
 
 def open_desk(page: Page) -> None:
+    """Open the first desk, and wait for the code of its panels."""
     page.locator("[data-view='desk 0']").click()
+    until(page, "window.anhyst.desks.desks[0].open.every(({ panel }) => panel.element)")
 
 
 def drop_file(page: Page, place: str, path: Path) -> None:
@@ -158,7 +160,7 @@ def test_desks_survive_a_reload_and_a_way_through_a_file(page: Page, tmp_path: P
     assert seen(page, "page.desks.layouts") == layouts
     page.get_by_role("button", name="Remove desk").locator("visible=true").click()
     assert desk_of(page)["panels"] == []
-    assert page.get_by_text("This desk is empty.").is_visible()
+    page.get_by_text("This desk is empty.").wait_for()
     page.locator(".desk input[type=file]").first.set_input_files(path)
     until(page, "window.anhyst.desks.layouts[0].panels.length > 0")
     assert seen(page, "page.desks.layouts") == layouts
@@ -238,7 +240,7 @@ def test_a_derived_signal_is_plotted_and_a_wrong_one_gives_its_reason(page: Page
     page.locator("#derived-expression").fill("2 * gap_m")
     page.locator("#derived-unit").fill("m")
     page.locator("#derived-add").click()
-    page.locator("#signal-list").get_by_label("sum", exact=True).check()
+    wait_for(page.locator("#signal-list").get_by_label("sum", exact=True).is_checked)
     column = "page.bench.signals.findIndex((one) => one.name === 'sum')"
     until(
         page,
