@@ -84,7 +84,7 @@ def test_a_force_is_demanded_and_its_step_is_drawn(serve: Serve, show: Show, for
     page.keyboard.press("Tab")
     page.get_by_role("tab", name="3 steps").click()
     page.wait_for_selector("#steps tbody tr")
-    assert page.locator("#steps tbody tr td").nth(2).inner_text() == "20 N"
+    assert page.locator("#steps tbody tr td").nth(2).inner_text() == "+20 N"
     page.get_by_role("tab", name="2 loop").click()
     until(page, "document.getElementById('loop').innerText.includes('force − demand: rms')")
     page.keyboard.press("Escape")

@@ -319,7 +319,6 @@ class DrivenBench(Bench):
 
     def demand(self, value: float) -> None:
         """Set the target, m or N; an active generator still adds to the target."""
-        self.demand_range.check(value)
         if self.generator is not None:
             self._check_generator(value, self.generator)
         self._bench.demand(value)

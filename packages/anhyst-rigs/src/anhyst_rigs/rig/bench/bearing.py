@@ -343,6 +343,7 @@ class BearingBench(LockStepBench):
 
     def demand(self, value: float) -> None:
         """Demand a gap, m."""
+        self.demand_range.check(value)
         position_code = (self._scales["gap_middle"] - value) / self._scales["position_full"]
         code = max(-(1 << 31), min((1 << 31) - 1, math.floor(position_code * Q31 + 0.5)))
         if code != self._target_code:
