@@ -166,6 +166,7 @@ def test_a_panel_is_filled_and_cursors_are_moved_by_keys(bearing: Served, show: 
     page.locator("[data-view='desk 0']").focus()
     page.keyboard.press("Enter")
     page.get_by_label("add a signal to the table").select_option("voltage")
+    assert page.get_by_label("add a signal to the table").input_value() == ""
     until(
         page, "[...document.querySelectorAll('.panel tbody th')].some((one) => one.textContent === 'Voltage')"
     )

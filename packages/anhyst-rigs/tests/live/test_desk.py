@@ -125,6 +125,15 @@ def test_panels_are_added_moved_resized_and_removed_by_keys(page: Page) -> None:
     assert len(desk_of(page)["panels"]) == count
 
 
+def test_a_loop_fills_its_panel(page: Page) -> None:
+    open_desk(page)
+    panel = page.locator(".panel", has=page.locator(".loop-panel"))
+    boxes = [panel.locator(place).first.bounding_box() for place in ("canvas", ".body")]
+    assert boxes[0] is not None
+    assert boxes[1] is not None
+    assert boxes[0]["height"] > 0.9 * boxes[1]["height"]
+
+
 def test_a_panel_is_dragged_and_no_panels_overlap(page: Page) -> None:
     open_desk(page)
     before = desk_of(page)["panels"][0]

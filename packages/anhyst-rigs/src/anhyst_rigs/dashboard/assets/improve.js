@@ -143,7 +143,7 @@ export class Improve {
     }
     if (compile)
       lines.push(
-        `block: ${short(compile.worst_N)} N off its model at most, of ${short(compile.largest_N)} N`,
+        `The compiled block deviates from the model by at most ${short(compile.worst_N)} N of ${short(compile.largest_N)} N.`,
       );
     this.plots.hidden = !lines.length;
     if (!lines.length) return [make("p", { className: "empty", textContent: HINT })];

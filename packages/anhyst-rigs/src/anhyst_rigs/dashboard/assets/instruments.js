@@ -169,7 +169,12 @@ export function table(context, settings, save) {
   const heads = ["Signal", "Now", "Mean", "Rms about mean", "Peak to peak"];
   const head = make("tr", {}, ...heads.map((text) => make("th", { textContent: text, scope: "col" })));
   const include = (name) => keep([...new Set([...names, name])]);
-  const add = signalChoice(bench, "", "add a signal to the table", { onchange: () => include(add.value) });
+  const add = signalChoice(bench, "", "add a signal to the table", {
+    onchange: () => {
+      include(add.value);
+      add.choose("");
+    },
+  });
   const row = (name) => {
     const signal = signalOf(bench, name);
     const remove = make("button", { className: "small", textContent: "×", onclick: () => keep(names.filter((one) => one !== name)) });

@@ -25,7 +25,8 @@ export function signalChoice(bench, name, ariaLabel, properties = {}) {
   element.addEventListener("change", () => (chosen = element.value));
   element.choose = (wanted = chosen) => {
     chosen = wanted;
-    element.replaceChildren(...bench.signals.map((one) => make("option", { value: one.name, textContent: one.label })));
+    const none = chosen ? [] : [make("option", { value: "", textContent: "Choose a signal" })];
+    element.replaceChildren(...none, ...bench.signals.map((one) => make("option", { value: one.name, textContent: one.label })));
     element.value = chosen;
   };
   element.choose();
