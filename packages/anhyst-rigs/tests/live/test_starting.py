@@ -129,6 +129,29 @@ def test_live_responds_while_building_and_ctrl_c_ends_the_build(tmp_path: Path) 
     assert message.endswith("anhyst: interrupted\n")
 
 
+class InterruptedDestructor:
+    """An object whose destructor receives ctrl-C, so that Python ignores the exception."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_a_ctrl_c_that_python_loses_ends_the_build_at_the_next_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda one: lost.append(one.exc_type))
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with listen_on("127.0.0.1", 0) as taken, pytest.raises(KeyboardInterrupt):  # noqa: PT012, SIM117
+            with serve_start_page(taken, "bearing", "building"):
+                begin_step("read the rig")
+                InterruptedDestructor()
+                assert lost == [KeyboardInterrupt]
+                begin_step("build the firmware")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
 def test_live_opens_its_port_before_it_loads_the_libraries(tmp_path: Path) -> None:
     with building(tmp_path) as process:
         first_step = start_of(opened_port(process))["steps"][0]

@@ -6,11 +6,13 @@ thread uses the same port. The page then reloads and shows the rig.
 
 from __future__ import annotations
 
+import signal
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Event, Thread
+from threading import Event, Thread, current_thread, main_thread
+from types import FrameType
 
 from starlette.applications import Starlette
 from starlette.responses import JSONResponse
@@ -35,6 +37,7 @@ class StartProgress:
         self.work = work
         self.share = 0.0
         self.error = ""
+        self.is_interrupted = False
         self._start_time = time.monotonic()
         self._steps: list[tuple[str, float]] = []  # work of each step, and the time at which it began, s
         self._last_request_time = float("-inf")
@@ -42,12 +45,18 @@ class StartProgress:
 
     def begin_step(self, work: str) -> None:
         """Add the next step; the previous one has ended."""
+        self.raise_if_interrupted()
         self._steps.append((work, time.monotonic()))
 
     def update(self, completed: float, total: float) -> None:
         """Set the progress from the completed and the total work."""
         if total > 0.0:
             self.share = max(self.share, min(completed / total, 1.0))
+
+    def raise_if_interrupted(self) -> None:
+        """Raise the exception of an earlier ctrl-C, which Python has lost."""
+        if self.is_interrupted and current_thread() is main_thread():
+            raise KeyboardInterrupt
 
     def fail(self, reason: str) -> None:
         """Show the reason for a failure, and wait until an open page has received it."""
@@ -85,8 +94,9 @@ def serve_start_page(listening_socket: socket.socket, title: str, work: str) -> 
     thread = Thread(target=server.run, args=([page_socket],), name="anhyst-start", daemon=True)
     thread.start()
     try:
-        with listen_to_steps(progress.begin_step):
+        with listen_to_steps(progress.begin_step), _noting_interrupts(progress):
             yield progress
+            progress.raise_if_interrupted()
     except Exception as error:
         progress.fail(word_for_reader(str(error)))
         raise
@@ -94,3 +104,26 @@ def serve_start_page(listening_socket: socket.socket, title: str, work: str) -> 
         server.should_exit = True
         thread.join()
         page_socket.close()
+
+
+@contextmanager
+def _noting_interrupts(progress: StartProgress) -> Iterator[None]:
+    """Note each ctrl-C in the progress, in addition to its exception.
+
+    Python ignores an exception in a destructor, and in the callback of a weak reference, which every
+    import has. Without the note, a ctrl-C at this moment would have no effect.
+    """
+    is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not is_default or current_thread() is not main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        progress.is_interrupted = True
+        signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
