@@ -240,15 +240,18 @@ def test_a_dropped_recording_is_overlaid_and_aligned_by_the_trigger(page: Page, 
     state_is(page, "ready")
 
 
+def fill_derived(page: Page, name: str, expression: str, unit: str = "") -> None:
+    """Fill the form of a derived signal, and send it."""
+    page.evaluate("document.getElementById('derived').open = true")
+    for field, text in (("name", name), ("expression", expression), ("unit", unit)):
+        page.locator(f"#derived-{field}").fill(text)
+    page.locator("#derived-add").click()
+
+
 def test_a_derived_signal_is_plotted_and_a_wrong_one_gives_its_reason(page: Page, bearing: Served) -> None:
-    page.get_by_text("Derived signal").click()
-    page.locator("#derived-name").fill("sum")
-    page.locator("#derived-expression").fill("gap + gapp")
-    page.locator("#derived-add").click()
+    fill_derived(page, "sum", "gap + gapp")
     until(page, "document.querySelector('#derived .invalid').textContent.includes('not a signal')")
-    page.locator("#derived-expression").fill("2 * gap_m")
-    page.locator("#derived-unit").fill("m")
-    page.locator("#derived-add").click()
+    fill_derived(page, "sum", "2 * gap_m", "m")
     wait_for(page.locator("#signal-list").get_by_label("sum", exact=True).is_checked)
     column = "page.bench.signals.findIndex((one) => one.name === 'sum')"
     until(
@@ -263,10 +266,7 @@ def test_a_derived_signal_is_plotted_and_a_wrong_one_gives_its_reason(page: Page
 
 
 def define(page: Page, name: str, expression: str) -> None:
-    page.evaluate("document.getElementById('derived').open = true")
-    for field, text in (("name", name), ("expression", expression), ("unit", "m")):
-        page.locator(f"#derived-{field}").fill(text)
-    page.locator("#derived-add").click()
+    fill_derived(page, name, expression, "m")
     until(page, f"window.anhyst.bench.signals.at(-1).name === '{name}'")
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from anhyst_rigs.dashboard.server import OperatorDesk
 from tests.live.conftest import Serve, Served, shown, wait_for
+from tests.live.test_desk import fill_derived
 from tests.live.test_page import press, ready, seen, until
 
 if TYPE_CHECKING:
@@ -140,14 +141,9 @@ def test_a_panel_of_an_unknown_kind_is_named(page: Page, tmp_path: Path) -> None
 
 
 def test_a_new_derived_signal_is_in_view_and_in_the_plot(page: Page) -> None:
-    page.get_by_text("Derived signal").click()
-    page.locator("#derived-name").fill("never")
-    page.locator("#derived-expression").fill("force / 0")
-    page.locator("#derived-add").click()
+    fill_derived(page, "never", "force / 0")
     until(page, "document.querySelector('#derived .invalid').textContent.includes('never a finite number')")
-    page.locator("#derived-name").fill("later")
-    page.locator("#derived-expression").fill("sqrt(force - 1e5)")
-    page.locator("#derived-add").click()
+    fill_derived(page, "later", "sqrt(force - 1e5)")
     entry = page.locator("#signal-list [data-signal=later]")
     entry.wait_for()
     until(page, "document.querySelector('[data-signal=later] output').textContent === 'not finite'")

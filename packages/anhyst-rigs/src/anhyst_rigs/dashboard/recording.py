@@ -379,11 +379,7 @@ class TickRecorder:
             if self._file is None:
                 raise InputError("record: no recording runs", code="no-recording", key="record")
             if self._next_row is None:
-                path = self._file.path
-                self._close_file("not written: nothing crossed the level")
-                # This must follow the closing, because Windows cannot remove an open file.
-                path.unlink()
-                self.finished.refresh()
+                self._close_file("not written: nothing crossed the level", remove=True)
             else:
                 self._last_tick = min(self._last_tick, tick)
 
@@ -473,9 +469,11 @@ class TickRecorder:
             self.error_text = f"{self._file.path.name}: {error.strerror}"
             self._close_file("ended early")
 
-    def _close_file(self, end_reason: str) -> None:
+    def _close_file(self, end_reason: str, remove: bool = False) -> None:
         if self._file is not None:
             self._file.close()
+            if remove:  # after the closing, because Windows cannot remove an open file
+                self._file.path.unlink()
             self.finished.refresh()
             seconds = (self._written_until_tick + 1 - self._begin_tick) / self._rate
             duration = f", {seconds:.{1 if seconds >= 1.0 else 3}f} s" if self._file.rows else ""

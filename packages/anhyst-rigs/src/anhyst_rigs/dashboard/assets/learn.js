@@ -75,7 +75,7 @@ export class Learning {
     const names = Object.keys(values);
     this.group.hidden = names.length <= MAX_SHOWN_PARAMETERS;
     const { value } = this.kind;
-    const shown = (name) => kindOf(name)[1] === value || name.match(/_(\d+)/)?.[1] === value;
+    const shown = (name) => kindOf(name)[1] === value || numberOf(name) === value;
     return this.group.hidden ? names : names.filter(shown);
   }
 
@@ -138,7 +138,7 @@ export class Learning {
 
   // Returns the magnet of a parameter in words; empty for a parameter of the whole rig.
   #magnetOf(name) {
-    const number = name.match(/_(\d+)/)?.[1];
+    const number = numberOf(name);
     return number ? `, magnet ${this.bench.body?.magnets[number - 1]?.name ?? number}` : "";
   }
 
@@ -212,6 +212,8 @@ export class Learning {
   }
 }
 
+// Returns the number of the magnet of a parameter; undefined for a parameter of the whole rig.
+const numberOf = (name) => name.match(/_(\d+)/)?.[1];
 const kindOf = (name) => KINDS[name.replace(/_\d+/, "")];
 const colour = (n) => COLOURS[n % COLOURS.length];
 
